@@ -3,12 +3,13 @@
 //! `form/predict/sparse`  Φ as of an inertial filter: 60 % of the states read a dozen others, noise on
 //!                        all of them; the other states stand still
 //! `form/predict/full`    Φ without a zero, noise on all states
-//! `form/update`          three rows on six states each, of uncorrelated noise, and whether P is positive
-//!                        then, as a filter asks; in the column of `faer` one dense QR of the array
+//! `form/update`          three rows on six states each, of uncorrelated noise, and the test whether P is positive
+//!                        afterwards, as in a filter; in the column of `faer` one dense QR of the array
 //! `form/product`         ΦPΦᵀ as two dense products
 //!
-//! Before anything is timed, every form gives what Joseph's gives. The table at the end, of least
-//! times in interleaved runs, is that of `backends-measured.md` of the book; on a busy machine believe its ratios.
+//! Before anything is timed, every form must give the result of Joseph's form. The table at the end, of least times
+//! in interleaved runs, is the table in `backends-measured.md` of the book. On a busy machine its ratios are more
+//! reliable than its times.
 
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a benchmark")]
 
@@ -155,7 +156,7 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// Every form gives what Joseph's does.
+/// Every form must give the result of Joseph's form.
 fn agree(problem: &Problem) {
     let results = forms().map(|(name, form)| {
         let mut bench = Bench::new(problem, form);
@@ -180,7 +181,7 @@ fn agree(problem: &Problem) {
     }
 }
 
-/// The update as one dense QR of [[R^½, HS], [0, S]], by `faer`: what rotations save.
+/// The update as one dense QR of [[R^½, HS], [0, S]], by `faer`. It shows how much time the rotations save.
 fn array_by_faer(problem: &Problem, root: &[f64]) -> Mat<f64> {
     let (n, ld) = (problem.n, root.len() / problem.n);
     let (h, r) = (&problem.jacobian, &problem.noise);
@@ -195,7 +196,7 @@ fn array_by_faer(problem: &Problem, root: &[f64]) -> Mat<f64> {
 
 type Work<'a> = (&'static str, Box<dyn FnMut() + 'a>);
 
-/// What is timed of one size, group by group.
+/// The works to time at one size, group by group.
 fn works<'a>(problem: &'a Problem) -> Vec<(&'static str, Vec<Work<'a>>)> {
     let each = |work: fn(&mut Bench<'a>)| {
         let of = move |(name, form): (&'static str, Arc<dyn Form>)| -> Work<'a> {
@@ -229,7 +230,7 @@ fn works<'a>(problem: &'a Problem) -> Vec<(&'static str, Vec<Work<'a>>)> {
     ]
 }
 
-/// The least time of each work, of runs that take turns.
+/// The least time of each work. The works run in turns.
 fn least(works: &mut [Work<'_>]) -> Vec<Duration> {
     let mut least = vec![Duration::MAX; works.len()];
     let clock = Instant::now();

@@ -1,10 +1,11 @@
-//! What the equations of every registered block cost, beside central differences of the same.
+//! The cost of the equations of every registered block, compared with central differences of the same equations.
 //!
 //! `model/process/…`  one step of 10 ms with Φ and Q; `differences` moves as many states as there are axes
-//! `model/sensor/…`   h and H, with the signals of the process and those of their derivatives that H needs, on the strapdown process, or on the
-//!                    first that takes the sensor; `differences` predicts at both sides of every axis
+//! `model/sensor/…`   h and H, with the signals of the process and the derivatives that H needs. The process is
+//!                    strapdown, or the first that accepts the sensor; `differences` predicts at both sides of
+//!                    every axis
 //!
-//! A block is built from its own example. One registered later has its line.
+//! Each block is built from its own example. A block that is registered later gets its line automatically.
 
 #![expect(clippy::expect_used, clippy::print_stdout, reason = "a benchmark")]
 
@@ -24,7 +25,7 @@ use std::hint::black_box;
 
 /// Evaluations of one run.
 const TIMES: usize = 100;
-/// Of a difference: of no matter to the time that it takes.
+/// The step of a difference. It does not affect the time.
 const STEP: f64 = 1e-3;
 const DT: f64 = 0.01;
 
@@ -73,7 +74,7 @@ fn processes() -> Vec<&'static Registration> {
     all
 }
 
-/// The process of an example, and what `further` builds into its layout; none where that is refused.
+/// The process of an example, and what `further` builds into its layout; `None` if `further` refuses it.
 fn bench<T>(r: &Registration, further: impl FnOnce(&mut LayoutBuilder) -> Option<T>) -> Option<(Bench, T)> {
     let spec: Box<dyn ProcessSpec> = spec(r);
     let mut layout = LayoutBuilder::new();

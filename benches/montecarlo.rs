@@ -1,8 +1,8 @@
-//! Many runs of one design, all of it: simulating sensors, filtering, scoring.
+//! Many complete runs of one design: simulating sensors, filtering, scoring.
 //!
-//! The design is `configs/ins-gps.toml`: 15 states, an inertial unit at 100 Hz, GNSS at 1 Hz, a reference at
-//! 10 Hz. One campaign on one thread, one on two threads, and two that share nothing side by side, which is
-//! what the machine allows: in turns, and the best of each counts.
+//! The design is `configs/ins-gps.toml`: 15 states, an inertial unit at 100 Hz, GNSS at 1 Hz, a reference at 10 Hz.
+//! The benchmark times one campaign on one thread, one on two threads, and two independent campaigns at once. The
+//! last shows what the machine allows. The three take turns, and the best time of each counts.
 
 #![expect(clippy::expect_used, clippy::print_stdout, reason = "a benchmark")]
 
@@ -17,7 +17,7 @@ use std::path::Path;
 use std::time::Instant;
 
 const DESIGN: &str = "configs/ins-gps.toml";
-/// Runs per campaign, and how often each is timed.
+/// Runs per campaign, and how often each campaign is timed.
 const RUNS: u64 = 40;
 const ROUNDS: usize = 12;
 

@@ -3,8 +3,8 @@
 //! `filter`  rows in memory, fed through the runner: reordering, stages, estimator
 //! `run`     from compressed text to the score, as `fusion run` does it
 //!
-//! The log lies in `$FUSION_DATA`, or in `../shared/data` beside the checkout. The figures of a whole process
-//! over a simulated log come first: `scenario/process.rs`.
+//! The log is in `$FUSION_DATA`, or in `../shared/data` next to the checkout. The figures of a whole process over a
+//! simulated log come first: `scenario/process.rs`.
 
 #![expect(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a benchmark")]
 
@@ -101,7 +101,7 @@ fn benches(c: &mut Criterion) {
     };
     let epochs = feed(&design, &rows);
     let summary = run(&design, &options, &mut |_| {}).unwrap();
-    // The same rows: the same epochs; and the filter found its way, to 3 m as the log's own test.
+    // The same rows must give the same epochs. The estimate must be within 3 m, as in the test of this log.
     assert_eq!(summary.epochs, epochs);
     assert!(summary.score.is_some_and(|s| s.horizontal_rms < 3.0));
     let mut group = c.benchmark_group("scenario/pntos");

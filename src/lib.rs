@@ -1,4 +1,4 @@
-//! The command `fusion` as a library: a program with blocks of its own has the whole command over them.
+//! The command `fusion` as a library: a program with its own blocks gets the whole command for them.
 
 mod cli;
 

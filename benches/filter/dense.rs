@@ -1,4 +1,4 @@
-//! The filter that one would write by hand.
+//! The filter that an engineer would write by hand.
 
 use crate::composed::{DT, fix, sample};
 use fusion::core::geometry::so3;
@@ -9,7 +9,7 @@ use mechanisation::Nav;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use std::hint::black_box;
 
-/// What the inertial unit says, as far as anything here runs.
+/// The samples of the inertial unit, enough for every run here.
 pub fn samples() -> Vec<[f64; 6]> {
     (0..2000).map(sample).collect()
 }
@@ -18,7 +18,7 @@ const LEVER_ARM: Vector3<f64> = Vector3::new(0.4, -0.2, -1.1);
 
 pub type P15 = SMatrix<f64, 15, 15>;
 
-/// The filter that one would write by hand for this one design.
+/// The filter that an engineer would write by hand for this one design.
 #[derive(Clone)]
 pub struct Dense {
     pub nav: Nav,
@@ -90,14 +90,14 @@ impl Dense {
         self.nav = mechanisation::step(&self.nav, &wc, &fc, DT, Gravity::Somigliana);
     }
 
-    /// So many predictions from here.
+    /// Makes `steps` predictions from here.
     pub fn predictions(&self, samples: &[[f64; 6]], steps: usize) {
         let mut all = self.clone();
         (501..501 + steps).for_each(|k| all.predict(&samples[k], &samples[k - 1]));
         black_box(&all);
     }
 
-    /// So many predictions from here, and one fix.
+    /// Makes `steps` predictions from here, and one update by a fix.
     pub fn second(&self, samples: &[[f64; 6]], steps: usize) {
         let mut all = self.clone();
         for k in 501..501 + steps {
@@ -109,7 +109,7 @@ impl Dense {
         black_box(&all);
     }
 
-    /// So many updates from here, by the same fix.
+    /// Makes `updates` updates from here, all by the same fix.
     pub fn updates(&self, updates: usize) {
         let (mut all, z) = (self.clone(), fix(500));
         (0..updates).for_each(|_| all.update(black_box(&z)));

@@ -2,20 +2,20 @@
 //!
 //! `composed`  assembled from TOML through the public API, with 15 states, with 21, and with 21 of which
 //!             all biases and scales are Gauss-Markov
-//! `epoch`     a row of the inertial unit through the whole of an assembled design, with a fix in 200: put in
-//!             order, predicted with, told; beside the same arithmetic on dense matrices
+//! `epoch`     a row of the inertial unit through the whole of an assembled design, with one fix in 200 rows: the
+//!             row is put in order, predicted with and reported. Compared with the same arithmetic on dense matrices
 //! `dense`     the same equations of 15 states on `SMatrix<f64, 15, 15>`: Φ(P + ½Q)Φᵀ + ½Q with every
 //!             element computed, Joseph's form as three dense products; mechanisation and error model
-//!             are the same functions. It is the rival of 21 states too: how long dense products of 21
-//!             rows take depends on the build profile by a factor of two
-//! `kernel/…`  the covariance alone: a prediction, an update by six rows and one by three, beside dense
-//!             matrices of 15 states and the means of `rivals.rs` of as many states
-//! `backend/…` the same steps with every chart, update and form, beside the same dense filter
-//! `avx2/…`    the steps of filter and covariance as a processor has them that lacks AVX-512
-//! `unused/…`  what parts of a filter cost that do nothing: `unused.rs`
+//!             are the same functions. The filters of 21 states are compared with it too: the time of dense
+//!             products of 21 rows depends on the build profile by a factor of two
+//! `kernel/…`  the covariance alone: a prediction, an update by six rows and one by three. Compared with dense
+//!             matrices of 15 states, and with the methods of `rivals.rs` at the same number of states
+//! `backend/…` the same steps with every chart, update and form, compared with the same dense filter
+//! `avx2/…`    the steps of filter and covariance as on a processor without AVX-512
+//! `unused/…`  the cost of filter parts that do nothing: `unused.rs`
 //!
-//! Before anything is timed, both compute the same and must agree. Lines with ratios, from
-//! interleaved runs, follow each group: on a busy machine believe them rather than the times.
+//! Before anything is timed, both compute the same and must agree. Lines with ratios, from interleaved runs, follow
+//! each group. On a busy machine the ratios are more reliable than the times.
 
 #![expect(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a benchmark")]
 
@@ -42,7 +42,7 @@ use measure::{Work, compare};
 use nalgebra::Vector3;
 use std::time::Duration;
 
-/// Steps between two resets, so that the reset is not what is timed.
+/// Steps between two resets, so that the reset is not timed.
 const STEPS: usize = 100;
 const UPDATES: usize = 20;
 
@@ -82,7 +82,7 @@ fn agree() {
         let worst = (0..3).map(|i| e[i].abs() / sigma(3 * b + i)).fold(0.0, f64::max);
         assert!(worst < 1e-8, "block {b} differs by {worst:e} deviations");
     }
-    // The run was one in which the fixes mattered.
+    // The fixes must have mattered in this run.
     assert!(sigma(0) < 1.5, "{}", sigma(0));
 }
 
@@ -97,7 +97,7 @@ fn pair() -> (Composed, Dense) {
 /// Epochs of a second, with one fix in their midst.
 const SECOND: usize = 200;
 
-/// The whole way of a row through an assembled design: order, prediction and, once, an update.
+/// The whole path of a row through an assembled design: order, prediction and, once, an update.
 fn epochs(n: usize, sensors: &str, dense: &Dense, samples: &[[f64; 6]]) {
     let mut nav = composed::started(sensors);
     let [imu, gnss] = ["imu", "gnss"].map(|name| nav.stream(name).unwrap());
@@ -125,7 +125,7 @@ fn epochs(n: usize, sensors: &str, dense: &Dense, samples: &[[f64; 6]]) {
     );
 }
 
-/// The prediction of a covariance alone, of B blocks of three, N states: every rival in a line of its own.
+/// The prediction of a covariance alone, of B blocks of three, N states: every rival in its own line.
 fn kernel_predict<const N: usize, const B: usize>() {
     let (dense, sparse, mut faer) = (rivals::Dense::<15>::new(), rivals::Sparse::<B>::new(), rivals::Faer::new(N));
     let mut own = kernel::Composed::new(B, 6);
@@ -161,7 +161,7 @@ fn kernel_update<const N: usize, const B: usize, const M: usize>() {
     compare(&format!("kernel/update/m={M}/n={N}"), UPDATES, works);
 }
 
-/// The steps of filter and covariance by another kernel, in a group of its name.
+/// The steps of filter and covariance by another kernel, in a group with the kernel's name.
 fn by_kernel(kernel: Kernel, dense: &Dense, samples: &[[f64; 6]]) {
     let name = kernel.name();
     let backend = Backend {
@@ -181,7 +181,7 @@ fn by_kernel(kernel: Kernel, dense: &Dense, samples: &[[f64; 6]]) {
     covariance::<21, 7>(kernel);
 }
 
-/// The covariance alone by another kernel, beside dense matrices.
+/// The covariance alone by another kernel, compared with dense matrices.
 fn covariance<const N: usize, const B: usize>(kernel: Kernel) {
     let (name, rival) = (kernel.name(), rivals::Dense::<15>::new());
     let mut own = kernel::Composed::new(B, 6);

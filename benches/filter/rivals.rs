@@ -1,9 +1,9 @@
-//! What the covariance alone would cost by other means.
+//! The cost of the covariance alone by other methods.
 //!
 //! `dense`         every element, by `SMatrix` of nalgebra, and Joseph's form as three products
 //! `block-sparse`  the blocks of three that Φ and H have, by `Matrix3` of nalgebra, P kept symmetric:
 //!                 (I + D)P(I + D)ᵀ, and P − UᵀU with U = L⁻¹HP, which is not Joseph's
-//! `faer`          every element of the prediction, by faer's product into matrices that are there
+//! `faer`          every element of the prediction, by faer's product into matrices that are allocated already
 
 use crate::kernel::{Composed, PATTERN, READ, block, noise, phi, start};
 use faer::linalg::matmul::matmul;
@@ -179,7 +179,7 @@ impl Faer {
     }
 }
 
-/// Every rival computes what the form does, after a prediction and after an update.
+/// Every rival must give the result of the form, after a prediction and after an update.
 pub fn agree<const N: usize, const B: usize, const M: usize>() {
     let mut own = Composed::new(B, M);
     let (dense, sparse) = (Dense::<N>::new(), Sparse::<B>::new());

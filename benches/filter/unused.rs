@@ -1,9 +1,9 @@
-//! What parts of a filter cost that do nothing.
+//! The cost of filter parts that do nothing.
 //!
-//! `gate`      an update through a gate that lets everything pass, less one without a gate
+//! `gate`      an update through a gate that accepts everything, less one without a gate
 //! `loss`      an update with a loss that leaves every weight at one, less one without a loss
 //! `param`     an update by a sensor whose parameters are all fixed, less the same h without parameters
-//! `event`     an epoch's events, told to an observer that does not look at them
+//! `event`     an epoch's events, delivered to an observer that ignores them
 //! `snapshot`  a prediction by a filter that was remembered and restored, less one by a filter that never was
 //!
 //! Each is a difference of least times in interleaved runs: a nanosecond or two below zero is zero.
@@ -46,7 +46,7 @@ fn told(what: &str, ns: f64) {
     println!("filter/unused/{what}: {ns:.0} ns");
 }
 
-/// By how much `run(true)` takes longer than `run(false)`, per one of `per_run` \[ns\].
+/// The time that `run(true)` takes in addition to `run(false)`, divided by `per_run` \[ns\].
 fn more(per_run: usize, mut run: impl FnMut(bool)) -> f64 {
     let mut least = [Duration::MAX; 2];
     for k in 0..1000 {
@@ -129,7 +129,7 @@ fn param(composed: &impl Fn() -> Composed, z: &[f64; 3]) -> f64 {
     })
 }
 
-/// Looks at nothing.
+/// An observer that ignores all events.
 struct Deaf;
 
 impl Observer for Deaf {
@@ -139,7 +139,7 @@ impl Observer for Deaf {
     }
 }
 
-/// Counts events, and how long as many calls of `Deaf` take.
+/// Counts events, and measures how long the same number of calls of `Deaf` takes.
 #[derive(Default)]
 struct Counting {
     events: usize,

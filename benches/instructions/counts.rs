@@ -1,10 +1,10 @@
-//! Counts as they stand in a file, and how two of them compare.
+//! The counts of a file, and a comparison of two of them.
 
 use comfy_table::{CellAlignment, Table};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A count may grow by so much: more is a change that somebody has to know of.
+/// A count may grow by this fraction. A larger growth has to be noticed.
 const GROWTH: f64 = 0.05;
 
 const HEADER: &str = "\
@@ -12,7 +12,7 @@ const HEADER: &str = "\
 # They hold for this compiler and this kernel; elsewhere nothing is compared.
 ";
 
-/// What was counted, and by what.
+/// The counts, with the compiler and the kernel that they hold for.
 #[derive(Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Counts {
@@ -31,7 +31,7 @@ impl Counts {
         format!("{HEADER}\n{table}")
     }
 
-    /// Why counts of `other` say nothing about these.
+    /// Why the counts of `other` cannot be compared with these.
     pub fn differs(&self, other: &Self) -> Option<String> {
         let pairs = [(&self.compiler, &other.compiler), (&self.kernel, &other.kernel)];
         let (own, others) = pairs.into_iter().find(|(own, others)| own != others)?;
@@ -39,8 +39,8 @@ impl Counts {
     }
 }
 
-/// A row per count, those that grew too much first, and whether there is none of these: a count that is
-/// missing on either side is one.
+/// A row per count, with the counts that grew too much first. True if no count grew too much; a count that is missing
+/// on either side also fails.
 pub fn table(before: &Counts, now: &Counts) -> (String, bool) {
     let (was, is) = (&before.instructions, &now.instructions);
     let names: std::collections::BTreeSet<&String> = was.keys().chain(is.keys()).collect();

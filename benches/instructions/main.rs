@@ -1,12 +1,11 @@
-//! How many instructions each step takes, counted by valgrind and held against `counts.toml`.
+//! Counts the instructions of each step with valgrind and compares them with `counts.toml`.
 //!
-//! `cargo bench --bench instructions`             fails where a count is more than 5 % above what stands there
-//! `cargo bench --bench instructions -- --write`  writes what it has counted there
+//! `cargo bench --bench instructions`             fails if a count is more than 5 % above that file
+//! `cargo bench --bench instructions -- --write`  writes the counts to that file
 //!
-//! Unlike times, counts are the same on a busy machine. They depend on the compiler, its options and the
-//! processor's instructions (valgrind knows AVX2 and not AVX-512): the file names these, and where
-//! another one runs, or there is no valgrind, a line that begins with `skipped` says so and nothing is
-//! compared.
+//! Unlike times, counts are the same on a busy machine. They depend on the compiler, its options and the processor's
+//! instructions (valgrind supports AVX2 but not AVX-512). The file names these. If they differ here, or if valgrind
+//! is missing, the benchmark prints a line that begins with `skipped` and compares nothing.
 
 #![expect(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a benchmark")]
 
@@ -27,7 +26,7 @@ use std::process::{Command, ExitCode};
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/instructions/counts.toml");
 
-/// The options of a build that changes counts, where one is not as in Cargo.toml.
+/// The first build option that changes counts and is not as in Cargo.toml.
 fn other_options() -> Option<String> {
     let changes =
         |name: &str| name == "RUSTFLAGS" || name.starts_with("CARGO_PROFILE_RELEASE_") || name.starts_with("CARGO_PROFILE_BENCH_");
@@ -42,7 +41,7 @@ fn compiler() -> String {
     format!("{} on {}", text.lines().next().unwrap_or("?"), host.unwrap_or("?"))
 }
 
-/// What the counts are, or why there are none.
+/// The counts, or the reason why they are missing.
 fn counted() -> Result<Counts, String> {
     if let Some(name) = other_options() {
         return Err(format!("{name} is set"));

@@ -1,4 +1,4 @@
-//! This program inside valgrind, which counts from where [`counted_call`] begins to where it ends.
+//! Runs this program inside valgrind, which counts from the beginning of [`counted_call`] to its end.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,15 +11,15 @@ pub const INSIDE: &str = "--inside-valgrind";
 
 const COUNTED: &str = concat!(module_path!(), "::counted_call");
 
-/// The function by whose name valgrind knows what to count.
+/// The function whose name selects what valgrind counts.
 #[inline(never)]
 pub fn counted_call(work: &mut dyn FnMut()) {
     work();
-    // The last thing that it does is no call: that would be a jump, which leaves it too early.
+    // The function must not end with a call: a tail call is a jump, and counting would stop too early.
     black_box(());
 }
 
-/// The kernel that ran, and the instructions per step of every work; or why there are none.
+/// The kernel that ran, and the instructions per step of every work; or the reason why they are missing.
 pub fn count() -> Result<(String, BTreeMap<String, u64>), String> {
     if !Command::new("valgrind")
         .arg("--version")

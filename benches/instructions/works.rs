@@ -1,4 +1,4 @@
-//! What is counted: steps that have run once before, so that all memory is there.
+//! The works to count: steps that have run once before, so that all memory is allocated.
 
 use crate::backends::BACKENDS;
 use crate::composed::{Composed, MARKOV, PLAIN, SCALES};
@@ -9,7 +9,7 @@ use fusion::core::filter::Backend;
 /// Steps of one count.
 const STEPS: usize = 20;
 
-/// Runs a work of that name and so many steps.
+/// Runs a work with this name and this number of steps.
 pub type Count<'a> = &'a dyn Fn(&str, usize, &mut dyn FnMut());
 
 /// Runs every work once and then once more by `counted`; prints the kernel, then steps and name of each.
@@ -36,7 +36,7 @@ pub fn run(counted: fn(&mut dyn FnMut())) {
     }
     let mut own = Composed::warm(PLAIN, Backend::ERROR_STATE);
     twenty("filter/update/gnss_position/n=15", &mut || own.updates(STEPS));
-    // Those besides it.
+    // All other backends.
     for (name, backend) in BACKENDS.into_iter().filter(|(_, backend)| *backend != Backend::ERROR_STATE) {
         let mut own = Composed::warm(PLAIN, backend);
         twenty(&format!("backend/predict/{name}/n=15"), &mut || own.predictions(STEPS));

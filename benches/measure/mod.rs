@@ -1,19 +1,19 @@
-//! Work side by side: every figure of a benchmark is a line that README's table is made of.
+//! Compares works with each other: every figure of a benchmark is a line from which README's table is made.
 
 mod once;
 
 use once::is_test;
 use std::time::{Duration, Instant};
 
-/// Turns that the works take; one, where they are only tried.
+/// The number of turns of the works; one in a test.
 const TURNS: usize = 500;
 /// A long work gets fewer, though never less than eight.
 const BUDGET: Duration = Duration::from_secs(2);
 
-/// What is timed: a name, and one run of it.
+/// A work to time: its name, and one run of it.
 pub type Work<'a> = (&'a str, &'a mut dyn FnMut());
 
-/// The least time of each work in ns, of runs that take turns, of which each does its work `per_run` times.
+/// The least time of each work in ns. The works run in turns; each turn does the work `per_run` times.
 pub fn least<const N: usize>(per_run: usize, works: &mut [Work<'_>; N]) -> [f64; N] {
     let mut least = [Duration::MAX; N];
     let begun = Instant::now();

@@ -1,8 +1,8 @@
-//! The command as a process of its own, from 87 MB of text to its files: 21 states, 56 minutes of an
-//! inertial unit at 200 Hz and GNSS at 1 Hz.
+//! The command as a separate process, from 87 MB of text to its files: 21 states, 56 minutes of an inertial unit at
+//! 200 Hz and GNSS at 1 Hz.
 //!
-//! Prints the user time and the time by the clock, of three runs each the least. The user time is that of
-//! `/proc`, in hundredths of a second; on systems without it there is none.
+//! Prints the user time and the wall-clock time, each the least of three runs. The user time comes from `/proc`, in
+//! hundredths of a second; systems without it have no user time.
 
 use fusion::assembly::{assemble, declared_streams};
 use fusion::config::Document;
@@ -17,10 +17,10 @@ use std::time::Instant;
 
 /// Rows of the inertial unit.
 const EPOCHS: usize = 672_000;
-/// Each figure is the least of so many runs: what else the machine does makes them longer only.
+/// Each figure is the least of this number of runs: other work of the machine can only make a run longer.
 const RUNS: usize = 3;
 
-/// The filter, of its own log and of the world that the log is made in.
+/// The filter, for its own log and for the world in which the log is made.
 const FILTER: &str = r#"
 [process]
 type = "strapdown"
@@ -140,7 +140,7 @@ fn spent() -> Option<f64> {
     Some(ticks / 100.0)
 }
 
-/// User time, where it is known, and time by the clock of one run \[s\].
+/// User time, if it is known, and wall-clock time of one run \[s\].
 fn time(folder: &Path, arguments: &[&str]) -> (Option<f64>, f64) {
     let (before, clock) = (spent(), Instant::now());
     let mut command = Command::new(env!("CARGO_BIN_EXE_fusion"));

@@ -1,4 +1,4 @@
-//! What a navigator or a run remembers, kept longer than its process.
+//! Checkpoints: the memory of a navigator or a run, saved so that another process can resume.
 //!
 //! ```text
 //! "fusion" 0x00 0x1a    8 bytes: what this is, text or truncated text by no chance; of a run 0x01 0x1a
@@ -10,7 +10,7 @@
 //! memory                as `fusion_core::memory` writes it
 //! ```
 //!
-//! All little-endian. Numbers made of text and bytes are FNV-1a of 64 bits: they find accidents, not
+//! All little-endian. The hashes of text and bytes are 64-bit FNV-1a: they detect accidental changes, not
 //! forgeries.
 
 use crate::config::{Document, Node, Value};
@@ -19,7 +19,7 @@ use std::io::{self, Read};
 use std::path::Path;
 use thiserror::Error;
 
-/// What a checkpoint is of.
+/// The kind of a checkpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Of {
     Navigator,
@@ -39,11 +39,11 @@ impl Of {
 const VERSION: u32 = 1;
 const HEADER: usize = 36;
 
-/// Why bytes are no checkpoint to go on from.
+/// Why a program cannot resume from these bytes.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum CheckpointError {
-    /// They are something else.
+    /// They are not a checkpoint.
     #[error("this is no checkpoint")]
     Other,
     /// Another version of this program wrote them.
@@ -52,35 +52,35 @@ pub enum CheckpointError {
         /// The version found.
         found: u32,
     },
-    /// They end too early, or too late.
+    /// There are too few or too many of them.
     #[error("this checkpoint should have {wanted} bytes and has {found}: it was not written to its end, or something was added")]
     Length {
-        /// Bytes that it says it has.
+        /// Bytes that it should have.
         wanted: u64,
-        /// Bytes that there are.
+        /// Bytes that it has.
         found: u64,
     },
-    /// They are not those that were written.
+    /// Their checksum does not match.
     #[error("this checkpoint is damaged: its checksum is another")]
     Damaged,
-    /// They are of another design.
+    /// They belong to another design.
     #[error(
         "this checkpoint is of another design; what the design says of process, sensors, stages, initialisers and filter must be as it was"
     )]
     Design,
 }
 
-/// The tables of a design that its filter does not depend on: where rows come from, and what becomes of
-/// the estimates.
+/// The tables of a design that do not affect its filter: the sources of the rows, and the use of the
+/// estimates.
 const OUTSIDE: [&str; 6] = ["source", "simulation", "reference", "stress", "variant", "include"];
-/// The same of the keys under `run`.
+/// The keys under `run` that do not affect the filter.
 const OUTSIDE_RUN: [&str; 7] = ["description", "data_dir", "start", "stop", "output_rate", "smooth", "seed"];
 
-/// A number made of everything that a design says of a run, and of the `options`.
+/// A hash of all that a design declares for a run, and of the `options`.
 #[must_use]
 pub(crate) fn fingerprint_of_run(document: &Document, options: &str) -> u64 {
     let mut hash = Fnv::new();
-    // What a variant says stands in the other tables by now.
+    // The values of the selected variants are already in the other tables.
     for entry in document.root().entries().iter().filter(|e| e.key != "variant") {
         hash.text(&entry.key);
         hash.node(&entry.node);
@@ -89,7 +89,7 @@ pub(crate) fn fingerprint_of_run(document: &Document, options: &str) -> u64 {
     hash.0
 }
 
-/// A number made of everything that a design says of its filter, in the order of the file.
+/// A hash of all that a design declares for its filter, in the order of the file.
 #[must_use]
 pub(crate) fn fingerprint(document: &Document) -> u64 {
     let mut hash = Fnv::new();
@@ -120,9 +120,9 @@ pub(crate) fn sealed(of: Of, design: u64, memory: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The bytes of a file that may be a checkpoint: of another file no more than its beginning.
+/// Reads a file that may be a checkpoint. If it is another kind of file, only its beginning is read.
 pub(crate) fn read(path: &Path) -> io::Result<Vec<u8>> {
-    // To open a pipe that nobody writes to would wait for ever.
+    // Opening a pipe without a writer would wait forever.
     if !fs::metadata(path)?.is_file() {
         return Err(io::Error::other("it is no file"));
     }

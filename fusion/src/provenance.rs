@@ -1,10 +1,10 @@
-//! Where a result comes from: what it takes to get it again.
+//! The origin of a result: everything that is necessary to repeat it.
 
 use crate::checkpoint::fingerprint_of_run;
 use crate::design::Design;
 use serde::Serialize;
 
-/// What a run, or each run of a comparison, was made of.
+/// The inputs of a run, or of each run of a comparison.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Provenance {
     /// The file of the design, as it was named.
@@ -13,7 +13,7 @@ pub struct Provenance {
     pub variants: Vec<String>,
     /// The values that were set on the command line, in order: `path=value`.
     pub set: Vec<String>,
-    /// The seed of simulated data and random faults; none where nothing is drawn.
+    /// The seed of simulated data and random faults; `None` if nothing is drawn.
     pub seed: Option<u64>,
     /// A number made of all that the design says with its variants and set values, comments and places left out, as 16
     /// hexadecimal digits: FNV-1a of 64 bits. The same number means the same design.
@@ -40,7 +40,7 @@ impl Provenance {
         }
     }
 
-    /// What several runs have in common; what differs is left empty.
+    /// The entries that are the same in several runs; the others are left empty.
     #[must_use]
     pub fn common<'a>(all: impl IntoIterator<Item = &'a Self>) -> Self {
         let mut all = all.into_iter();
@@ -60,7 +60,7 @@ impl Provenance {
         })
     }
 
-    /// In a line, without what is empty.
+    /// One line, without empty entries.
     #[must_use]
     pub fn line(&self) -> String {
         let given = |is_given: bool, text: String| Some(text).filter(|_| is_given);

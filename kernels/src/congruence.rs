@@ -1,20 +1,20 @@
-//! ΦPΦᵀ for a Φ whose pattern is known when the filter has run a step.
+//! ΦPΦᵀ for a Φ with a pattern that is known after the first step of the filter.
 //!
-//! P is symmetric, n rows of a multiple of eight numbers, zero behind n; Φ is stored transposed, in
-//! rows of the same length, so that row k is column k of Φ: both products below read it along rows.
+//! P is symmetric and has n rows. The row length is a multiple of eight, with zeros after column n. Φ is stored
+//! transposed, in rows of the same length: row k is column k of Φ. So both products below read Φ along rows.
 //!
-//! With `end` the first row from which on Φ is diagonal, `whole` the tiles of eight columns that lie before
-//! it, and `rest` the columns between them and `end`,
+//! `end` is the first row from which Φ is diagonal, `whole` is the number of tiles of eight columns before it, and
+//! `rest` the columns between these tiles and `end`:
 //!
 //! 1. A_i = Σ_k Φ_ik P_k for the rows before `end`, over the columns k that row i reads, three rows at a time,
 //! 2. R_i = Σ_k A_ik (Φᵀ)_k for their columns up to the diagonal, over the columns k that those rows of Φ read,
-//! 3. in P, the lower triangle of R and its transpose take their places; behind `end` a column is one of A, scaled.
+//! 3. the lower triangle of R and its transpose replace these parts of P; from `end` a column is a scaled column of A.
 
 use crate::Lines;
 use crate::lanes::{Lanes, some, some_mut};
 use core::ops::Range;
 
-/// Rows that are computed together: they read nearly the same columns.
+/// Rows that are computed together because they read nearly the same columns.
 #[derive(Clone, Debug)]
 struct Group {
     rows: Range<usize>,
@@ -22,34 +22,34 @@ struct Group {
     reads: Vec<u16>,
 }
 
-/// The pattern of a Φ, and how its products go through it.
+/// The pattern of a Φ, and the order of its products.
 #[derive(Clone, Debug)]
 pub struct Plan {
     n: usize,
     /// Tiles of eight columns.
     tiles: usize,
-    /// The first row from which on Φ is diagonal: eight times `whole`, and the rest.
+    /// The first row from which Φ is diagonal: eight times `whole`, plus `rest`.
     end: usize,
     whole: usize,
     rest: usize,
     groups: Vec<Group>,
-    /// Per tile before `end`, its rows of R: they read what the rows of Φ read from the tile's first up to
-    /// their own.
+    /// For each tile before `end`, the groups of rows of R. They read the columns that the rows of Φ read, from the
+    /// first row of the tile up to their own row.
     below: Vec<Vec<Group>>,
-    /// Whether Φ may have other numbers than 1 from row `end` on.
+    /// True if Φ may differ from 1 on the diagonal from row `end`.
     is_scaled: bool,
 }
 
-/// The most columns that a row reads for its neighbours' sake: the others of a block of three.
+/// The largest number of columns that a row reads only because its neighbours do: the others of a block of three.
 const SPARE: usize = 2;
 
 impl Plan {
-    /// For a Φ of `rows`: per row, the ranges of columns in which it may differ from the identity,
-    /// apart and in order.
+    /// Makes a plan for a Φ with `rows`. For each row these are the ranges of columns in which it may differ from the
+    /// identity, separate and in order.
     ///
     /// # Panics
-    /// Where a range ends behind the last column or begins before the range to its left ends, or where there
-    /// are more than 65535 rows: the products trust these columns.
+    /// If a range ends after the last column, or begins before the end of the range to its left, or if there are more
+    /// than 65535 rows. The products rely on these columns.
     #[must_use]
     pub fn new(rows: &[Vec<(u16, u16)>]) -> Self {
         let n = rows.len();
@@ -114,7 +114,7 @@ pub(crate) fn check(rows: &[Vec<(u16, u16)>]) {
     }
 }
 
-/// The rows of R from the first of tile `t` on: up to eight together that need nearly the same columns.
+/// The rows of R from the first row of tile `t`, in groups of up to eight that need nearly the same columns.
 fn below(t: usize, end: usize, reads_of: impl Fn(usize) -> Vec<u16>) -> Vec<Group> {
     let (mut groups, mut reads, mut least): (Vec<Group>, _, _) = (Vec::new(), Vec::new(), 0);
     for i in 8 * t..end {
@@ -145,13 +145,13 @@ fn union(a: &[u16], b: &[u16]) -> Vec<u16> {
     both
 }
 
-/// Working memory of a product, sized once.
+/// Working memory of a product, allocated once.
 #[derive(Clone, Debug)]
 pub struct Product {
-    /// A and R, in rows as long as those of P.
+    /// A and R, with the row length of P.
     a: Lines,
     r: Lines,
-    /// The diagonal of Φ where it is scaled, 1 elsewhere.
+    /// The diagonal of Φ if it is scaled, otherwise 1.
     diagonal: Lines,
 }
 
@@ -182,8 +182,8 @@ impl Product {
 }
 
 impl Product {
-    /// Whether all of them are below `largest`, and none is negative; without branches, as they nearly
-    /// always are. Rows that Φ leaves as they are count as sound.
+    /// Returns true if all variances are below `largest` and none is negative. It has no branches, because they nearly
+    /// always are. Rows that Φ does not change count as sound.
     #[must_use]
     pub fn is_sound(&self, plan: &Plan, p: &[f64], largest: f64) -> bool {
         let next = plan.ld() + 1;
@@ -239,7 +239,7 @@ pub(crate) fn product<L: Lanes>(plan: &Plan, phi: &[f64], p: &[f64], w: &mut Pro
     }
 }
 
-/// A = ΦP of the G rows of a group.
+/// A = ΦP for the G rows of a group.
 #[inline(always)]
 fn left<L: Lanes, const G: usize>(plan: &Plan, group: &Group, phi: &[f64], p: &[[f64; 8]], a: &mut [[f64; 8]]) {
     let mut t = 0;
@@ -254,7 +254,7 @@ fn left<L: Lanes, const G: usize>(plan: &Plan, group: &Group, phi: &[f64], p: &[
     }
 }
 
-/// Its tiles `t` to `t + W`.
+/// Tiles `t` to `t + W` of these rows.
 #[inline(always)]
 fn left_tiles<L: Lanes, const G: usize, const W: usize>(
     plan: &Plan,
@@ -288,7 +288,7 @@ fn left_tiles<L: Lanes, const G: usize, const W: usize>(
     }
 }
 
-/// Tile `t` of R, of G rows from `first` on; these are G.
+/// Tile `t` of R, for G rows from `first`; returns G.
 #[inline(always)]
 fn right<L: Lanes, const G: usize>(
     columns: &[u16],
@@ -322,7 +322,7 @@ fn right<L: Lanes, const G: usize>(
     G
 }
 
-/// Puts what [`product`] made into P.
+/// Writes the result of [`product`] into P.
 #[inline(always)]
 pub(crate) fn place<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
     let (n, ld) = (plan.n, plan.ld());
@@ -339,7 +339,7 @@ pub(crate) fn place<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
     place_behind::<L>(plan, w, p);
 }
 
-/// Tile (i, j) and its transpose; i is before `whole`, j is not before i.
+/// Tile (i, j) and its transpose; i is less than `whole`, j is not less than i.
 #[inline(always)]
 fn place_tile<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64], i: usize, j: usize) {
     let (tiles, n, whole) = (plan.tiles, plan.n, plan.whole);
@@ -377,7 +377,7 @@ fn place_tile<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64], i: usize, j: us
     }
 }
 
-/// The rows between the whole tiles and `end`, from their diagonal on.
+/// The rows between the whole tiles and `end`, from their diagonal.
 #[inline(always)]
 fn place_rest<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
     let (tiles, whole) = (plan.tiles, plan.whole);
@@ -391,7 +391,7 @@ fn place_rest<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
     }
 }
 
-/// The rows from `end` on, where Φ is diagonal.
+/// The rows from `end`, where Φ is diagonal.
 #[inline(always)]
 fn place_behind<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
     let (tiles, whole) = (plan.tiles, plan.whole);
@@ -419,7 +419,7 @@ fn place_behind<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
 }
 
 impl Plan {
-    /// Tile `t` of row `i` of A, scaled as the columns behind `end` are.
+    /// Tile `t` of row `i` of A, with the scale of the columns from `end`.
     #[inline(always)]
     fn scaled<L: Lanes>(&self, w: &Product, i: usize, t: usize) -> L {
         let own: L = row(&w.a, self.tiles, i, t);
@@ -430,7 +430,7 @@ impl Plan {
         }
     }
 
-    /// `own`, its first `count` lanes from column `i` of the rows from the last whole tile on.
+    /// `own`, with its first `count` lanes replaced by column `i` of the rows after the last whole tile.
     #[inline(always)]
     fn mirrored<L: Lanes>(&self, m: &[f64], mut own: L, count: usize, i: usize) -> L {
         for c in (0..count).rev() {
@@ -451,7 +451,7 @@ fn row<L: Lanes>(m: &[f64], tiles: usize, i: usize, t: usize) -> L {
     L::load(unsafe { some::<_, 8>(m, 8 * (i * tiles + t)) })
 }
 
-/// The same, written.
+/// Writes this tile.
 #[inline(always)]
 fn put<L: Lanes>(own: L, m: &mut [f64], tiles: usize, i: usize, t: usize) {
     #[expect(unsafe_code, reason = "see `some`")]

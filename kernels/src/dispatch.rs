@@ -1,4 +1,4 @@
-//! Which kernel runs.
+//! Selects the kernel.
 
 use crate::congruence::{self, Plan, Product};
 use crate::factor::{self, Reach, Shape};
@@ -6,7 +6,7 @@ use crate::lanes::{Lanes, Plain};
 use crate::sigma;
 use crate::update;
 
-/// The instructions that a filter's arithmetic uses. There is none of a kind that this processor has not.
+/// The instructions for a filter's arithmetic. A value exists only for a kernel that this processor supports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kernel(Kind);
 
@@ -21,7 +21,7 @@ enum Kind {
     Neon,
 }
 
-/// The best that the processor has.
+/// The best kernel of this processor.
 impl Default for Kernel {
     fn default() -> Self {
         Self::here().last().unwrap_or(Self::PORTABLE)
@@ -32,7 +32,7 @@ impl Kernel {
     /// Without fused multiply-add: the same bits on every machine.
     pub const PORTABLE: Self = Self(Kind::Portable);
 
-    /// Those that this processor can run, the best last.
+    /// The kernels that this processor can run, the best one last.
     pub fn here() -> impl Iterator<Item = Self> {
         #[cfg(target_arch = "x86_64")]
         let more = [
@@ -47,7 +47,7 @@ impl Kernel {
         core::iter::once(Self::PORTABLE).chain(more)
     }
 
-    /// The one of that name, if this processor can run it.
+    /// The kernel of this name, if this processor can run it.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::here().find(|kernel| kernel.name() == name)
@@ -114,38 +114,38 @@ macro_rules! operations {
 }
 
 operations! {
-    /// The product ΦPΦᵀ into `w`; `phi` is Φᵀ, row by row, in rows as long as those of P.
+    /// The product ΦPΦᵀ into `w`; `phi` is Φᵀ, row by row, with the row length of P.
     congruence::product(plan: &Plan, phi: &[f64], p: &[f64], w: &mut Product);
     /// P ← the product in `w`.
     congruence::place(plan: &Plan, w: &Product, p: &mut [f64]);
-    /// out ← HP, of `rows` rows; H is zero outside `columns`.
+    /// out ← HP for `rows` rows; H is zero outside `columns`.
     update::project(rows: usize, h: &[f64], columns: &[(usize, usize)], p: &[f64], out: &mut [f64], ld: usize);
-    /// out ← XHᵀ, m×m, row by row, where it is symmetric; X and H of m rows.
+    /// out ← XHᵀ, m×m, row by row, for a symmetric result; X and H have m rows.
     update::inner(m: usize, h: &[f64], x: &[f64], out: &mut [f64], ld: usize);
-    /// U ← L⁻¹X and K ← L⁻ᵀU of m rows; L is lower, m×m, row by row.
+    /// U ← L⁻¹X and K ← L⁻ᵀU with m rows; L is lower, m×m, row by row.
     update::gain(l: &[f64], m: usize, x: &[f64], u: &mut [f64], k: &mut [f64], ld: usize);
-    /// P ← P − UᵀU, U of m rows; P stays symmetric to the bit.
+    /// P ← P − UᵀU, where U has m rows; P stays symmetric to the bit.
     update::downdate(n: usize, u: &[f64], m: usize, p: &mut [f64]);
-    /// P ← P − DᵀK − KᵀD, of m rows each; P stays symmetric to the bit.
+    /// P ← P − DᵀK − KᵀD, with m rows each; P stays symmetric to the bit.
     update::refine(n: usize, d: &[f64], k: &[f64], m: usize, p: &mut [f64]);
     /// X ← X − RY for m rows; R is m×m, row by row.
     update::subtract(r: &[f64], m: usize, y: &[f64], x: &mut [f64], ld: usize);
-    /// out ← ΦF of a factor F; `phi` is Φᵀ, row by row, in rows as long as the columns of F.
+    /// out ← ΦF for a factor F; `phi` is Φᵀ, row by row, in rows with the length of the columns of F.
     factor::through(reach: &Reach, phi: &[f64], f: &[f64], out: &mut [f64]);
     /// sums ← Σ_k w_k c_k ∘ c_k over the first `len` columns.
     factor::squares(len: usize, columns: &[f64], weights: &[f64], sums: &mut [f64]);
-    /// U, with a unit diagonal, and D behind it, of an array and its weights; `s` is a column's room.
+    /// U, with a unit diagonal, followed by D, from an array and its weights; `s` has space for one column.
     factor::orthogonalise(shape: Shape, columns: &mut [f64], weights: &[f64], factor: &mut [f64], s: &mut [f64]);
-    /// S, with a positive diagonal, of an array whose weights are 1.
+    /// S, with a positive diagonal, from an array whose weights are 1.
     factor::reflect(shape: Shape, columns: &mut [f64], root: &mut [f64], s: &mut [f64]);
-    /// out ← HF of a factor F, of `rows` rows; H is zero outside `read`.
+    /// out ← HF for a factor F and `rows` rows; H is zero outside `read`.
     factor::along(n: usize, rows: usize, h: &[f64], read: &[(usize, usize)], f: &[f64], out: &mut [f64]);
-    /// U, and D behind it, given a row h with noise variance r, by `f` = Uᵀh; `f` and `lambda`, a padded row, are working
-    /// memory then.
+    /// Updates U, followed by D, by a row h with noise variance r; `f` = Uᵀh. Afterwards the content of `f` and of
+    /// `lambda`, a padded row, is working memory.
     factor::weigh(n: usize, r: f64, f: &mut [f64], factor: &mut [f64], lambda: &mut [f64]);
-    /// S given a row h with noise variance r, by `f` = Sᵀh; `scales` is working memory of two padded rows.
+    /// Updates S by a row h with noise variance r; `f` = Sᵀh. `scales` is working memory of two padded rows.
     factor::rotate(n: usize, r: f64, f: &[f64], root: &mut [f64], scales: &mut [f64]);
-    /// Rows of `l` ← columns of the lower L with P = L Lᵀ; those of which nothing but rounding is left are zero.
+    /// Rows of `l` ← columns of the lower L with P = L Lᵀ; a column is zero if only rounding remains of its variance.
     sigma::root(n: usize, p: &[f64], l: &mut [f64]);
     /// P ← P + w Σ x xᵀ over `count` padded rows of n numbers; P stays symmetric to the bit.
     sigma::outer(n: usize, count: usize, x: &[f64], w: f64, p: &mut [f64]);

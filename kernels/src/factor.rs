@@ -1,33 +1,33 @@
-//! P = F W Fᵀ by an upper triangular factor: its way through Φ, its triangle again, and a measurement.
+//! P = F W Fᵀ with an upper triangular factor: propagation by Φ, triangularisation, and a measurement update.
 //!
-//! A factor of n states is n columns, one after the other, each padded as a row of P is; behind its
-//! element k column k is zero. The weights W are the diagonal of a padded row. An *array* is such columns
-//! that are not triangular: those of ΦF first, then those of a noise.
+//! A factor of n states has n columns, one after the other, each padded like a row of P. Below element k, column k is
+//! zero. The weights W are a diagonal, stored as a padded row. An *array* has such columns, but is not triangular:
+//! first the columns of ΦF, then those of a noise.
 //!
 //! [`orthogonalise`]  weighted Gram-Schmidt from the last state up (Thornton 1976): F has a unit diagonal
 //! [`reflect`]        Householder's reflections from the last state up, without weights
-//! [`weigh`]          Bierman's update by one row of H; [`rotate`] Carlson's
+//! [`weigh`]          Bierman's update by one row of H; [`rotate`] is Carlson's
 //!
-//! A state is a position in the columns, so that a step acts on all states above at once, and states
-//! that are done cost nothing.
+//! A state is a position in the columns. So each step acts on all states above it at once, and finished states cost
+//! nothing.
 
 use crate::congruence::check;
 use crate::lanes::{Lanes, size, some};
 use core::ops::Range;
 
-/// Which columns of Φ the rows of a tile read, and from which row on Φ is diagonal.
+/// The columns of Φ that the rows of a tile read, and the row from which Φ is diagonal.
 #[derive(Clone, Debug)]
 pub struct Reach {
     n: usize,
-    /// Per tile of eight rows the columns, in order, and where they end.
+    /// For each tile of eight rows the columns, in order, and the end of its list.
     columns: Vec<u16>,
     ends: Vec<usize>,
-    /// The first row from which on Φ is diagonal.
+    /// The first row from which Φ is diagonal.
     end: usize,
 }
 
 impl Reach {
-    /// For a Φ of `rows`, as of [`Plan::new`](crate::Plan::new).
+    /// For a Φ with `rows`, as in [`Plan::new`](crate::Plan::new).
     ///
     /// # Panics
     /// As [`Plan::new`](crate::Plan::new) does.
@@ -58,7 +58,7 @@ impl Reach {
         reach
     }
 
-    /// The first row from which on Φ is diagonal.
+    /// The first row from which Φ is diagonal.
     #[must_use]
     pub const fn end(&self) -> usize {
         self.end
@@ -71,18 +71,18 @@ impl Reach {
     }
 }
 
-/// What an array has: states, columns, and the row from which on each row is zero in all columns but its own.
+/// The shape of an array.
 #[derive(Clone, Copy, Debug)]
 pub struct Shape {
     /// States n.
     pub n: usize,
     /// Columns, the first n those of the factor.
     pub len: usize,
-    /// The row from which on each row k is zero in all columns but column k.
+    /// From this row, each row k is zero in all columns except column k.
     pub end: usize,
 }
 
-/// Columns that are computed with at once.
+/// The number of columns computed at once.
 const GROUP: usize = 4;
 
 /// out ← ΦF; `phi` is Φᵀ, row by row, in rows as long as the columns of F.
@@ -128,7 +128,7 @@ fn through_some<L: Lanes, const G: usize>(reach: &Reach, phi: &[f64], f: &[f64],
     }
 }
 
-/// The columns of an array that a step of n states acts on: some of the factor's, and those of the noise.
+/// The columns of an array that a step acts on: some columns of the factor, and those of the noise.
 #[inline(always)]
 fn parts(factor: usize, n: usize, len: usize) -> [Range<usize>; 2] {
     [0..factor, n..len]
@@ -170,7 +170,7 @@ fn together<L: Lanes>(sum: [L; GROUP]) -> L {
     sum[0].add(sum[1]).add(sum[2].add(sum[3]))
 }
 
-/// `sum` and w c_j times tile `t` of a column, which has these tiles.
+/// `sum` plus w c_j times tile `t` of a column; `column` holds its tiles.
 #[inline(always)]
 fn add<L: Lanes>(column: &[[f64; 8]], weight: f64, j: usize, t: usize, sum: L) -> L {
     debug_assert!(j / 8 < column.len() && t < column.len());
@@ -184,7 +184,7 @@ fn add<L: Lanes>(column: &[[f64; 8]], weight: f64, j: usize, t: usize, sum: L) -
     L::splat(factor * weight).mul_add(L::load(tile), sum)
 }
 
-/// By its bits: zero is as common as not.
+/// Tests the bits, because zeros are common.
 #[inline(always)]
 const fn is_zero(value: f64) -> bool {
     value.to_bits() << 1 == 0
@@ -239,15 +239,15 @@ fn subtract<L: Lanes>(parts: &[Range<usize>; 2], columns: &mut [[f64; 8]], tiles
     }
 }
 
-/// The lanes of the states before `j`, others zero.
+/// Keeps the lanes of the states before `j`, sets the others to zero.
 #[inline(always)]
 fn before<L: Lanes>(j: usize, t: usize, value: L) -> L {
     if t < j / 8 { value } else { L::splat(0.0).after(j % 8, value) }
 }
 
-/// U, and D behind it, of an array and its weights: the rows of the array, the last first, are made orthogonal
-/// under the weights; their squared norms are D, what the rows above have of them is the column of U. `s`
-/// is a column's room.
+/// U, followed by D, from an array and its weights. The rows of the array are made orthogonal under the weights, the
+/// last row first. Their squared norms are D; the components of the rows above along them are the columns of U. `s` has
+/// space for one column.
 #[inline(always)]
 pub(crate) fn orthogonalise<L: Lanes>(shape: Shape, columns: &mut [f64], weights: &[f64], factor: &mut [f64], s: &mut [f64]) {
     let Shape { n, len, end } = shape;
@@ -290,8 +290,8 @@ pub(crate) fn orthogonalise<L: Lanes>(shape: Shape, columns: &mut [f64], weights
     }
 }
 
-/// S, with a positive diagonal, of an array: reflections make a row after the other zero, the last first, in
-/// all columns but its own. `s` is a column's room.
+/// S, with a positive diagonal, from an array. Reflections make one row after another zero in all columns except its
+/// own, the last row first. `s` has space for one column.
 #[inline(always)]
 pub(crate) fn reflect<L: Lanes>(shape: Shape, columns: &mut [f64], root: &mut [f64], s: &mut [f64]) {
     let Shape { n, len, end } = shape;
@@ -309,10 +309,10 @@ pub(crate) fn reflect<L: Lanes>(shape: Shape, columns: &mut [f64], root: &mut [f
         last.store(&mut s[j / 8]);
         let rest = s[j / 8][j % 8];
         let (norm, sign) = ((own * own + rest).sqrt(), if own < 0.0 { -1.0 } else { 1.0 });
-        // What is smaller has no square that is a number.
+        // The square of a smaller value underflows.
         if rest >= f64::MIN_POSITIVE {
-            // I − v vᵀ/scale with v = x + sign |x| e_j takes x to −sign |x| e_j; scale = |v|²/2. What the
-            // rows above have of x is the column, by its sign: the diagonal of S is positive.
+            // I − v vᵀ/scale with v = x + sign |x| e_j takes x to −sign |x| e_j; scale = |v|²/2. The column of S is the
+            // component of the rows above along x, with a sign that makes the diagonal of S positive.
             let (v, inverse) = (own + sign * norm, L::splat(1.0 / (norm * (norm + own.abs()))));
             for t in 0..=j / 8 {
                 let sum = if t == j / 8 {
@@ -337,12 +337,12 @@ pub(crate) fn reflect<L: Lanes>(shape: Shape, columns: &mut [f64], root: &mut [f
     }
 }
 
-/// out ← HF, of `rows` rows as long as those of the factor; H is zero outside `read`.
+/// out ← HF, for `rows` rows with the length of the factor's columns; H is zero outside `read`.
 #[inline(always)]
 pub(crate) fn along<L: Lanes>(n: usize, rows: usize, h: &[f64], read: &[(usize, usize)], f: &[f64], out: &mut [f64]) {
     let tiles = n.div_ceil(8);
     let (h, f, out) = (h.as_chunks::<8>().0, f.as_chunks::<8>().0, out.as_chunks_mut::<8>().0);
-    // A bit for each tile that is read; the last for all behind it.
+    // A bit for each tile that is read; the last bit is for all later tiles.
     let mut wanted = 0_u64;
     for &(start, end) in read {
         for t in start / 8..end.div_ceil(8) {
@@ -355,7 +355,7 @@ pub(crate) fn along<L: Lanes>(n: usize, rows: usize, h: &[f64], read: &[(usize, 
             let some = (n - 8 * block).min(8);
             let columns = &f[8 * block * tiles..(8 * block + some) * tiles];
             let mut sum = [L::splat(0.0); 8];
-            // A column of the factor is zero behind its own row.
+            // A column of the factor is zero below its diagonal.
             for t in 0..=block {
                 if wanted >> t.min(63) & 1 == 0 {
                     continue;
@@ -372,7 +372,7 @@ pub(crate) fn along<L: Lanes>(n: usize, rows: usize, h: &[f64], read: &[(usize, 
     }
 }
 
-/// `start` and the sums of the first terms: α after each column. Every sum is one of few additions.
+/// `start` plus the partial sums of the terms: α after each column. Every sum needs few additions.
 #[inline(always)]
 fn running(start: f64, terms: &[f64; 8]) -> [f64; 8] {
     let [a, b, c, d, e, f, g, h] = *terms;
@@ -386,11 +386,11 @@ fn running(start: f64, terms: &[f64; 8]) -> [f64; 8] {
     all
 }
 
-/// Bierman's update of U and D by one row h with noise variance r ≥ 0, of which `f` is Uᵀh; what is in `f`
-/// and in `lambda`, a padded row, afterwards is working memory.
+/// Bierman's update of U and D by one row h with noise variance r ≥ 0; `f` is Uᵀh. Afterwards the content of `f` and of
+/// `lambda`, a padded row, is working memory.
 ///
-/// v = D f; α grows from r to r + hPhᵀ, and D shrinks by the ratio of each step. Without noise the first
-/// column that h sees is known exactly: it is left with no weight.
+/// v = D f; α grows from r to r + hPhᵀ, and D shrinks by the ratio of each step. Without noise, the first column that h
+/// reads is known exactly, so its weight becomes zero.
 #[inline(always)]
 pub(crate) fn weigh<L: Lanes>(n: usize, r: f64, f: &mut [f64], factor: &mut [f64], lambda: &mut [f64]) {
     let (u, d) = factor.split_at_mut(n * n.next_multiple_of(8));
@@ -423,10 +423,10 @@ pub(crate) fn weigh<L: Lanes>(n: usize, r: f64, f: &mut [f64], factor: &mut [f64
     sweep::<L, false>(n, f, lambda, &[], u);
 }
 
-/// Carlson's update of S by one row h with noise variance r ≥ 0, of which `f` is Sᵀh; `scales` is working
-/// memory of two padded rows. The columns are those that rotations with the noise's column give.
+/// Carlson's update of S by one row h with noise variance r ≥ 0; `f` is Sᵀh. `scales` is working memory of two padded
+/// rows. The columns are the result of rotations with the column of the noise.
 ///
-/// ρ² grows from r to r + hPhᵀ; c_k ← (ρ c_k − f g/ρ)/ρ⁺ with g the sum of f c of the columns before.
+/// ρ² grows from r to r + hPhᵀ; c_k ← (ρ c_k − f g/ρ)/ρ⁺, where g is the sum of f c over the columns before.
 #[inline(always)]
 pub(crate) fn rotate<L: Lanes>(n: usize, r: f64, f: &[f64], columns: &mut [f64], scales: &mut [f64]) {
     // ρ and 1/ρ before each column, and after the last of eight.
@@ -454,8 +454,8 @@ pub(crate) fn rotate<L: Lanes>(n: usize, r: f64, f: &[f64], columns: &mut [f64],
     sweep::<L, true>(n, f, lambda, own, columns);
 }
 
-/// g ← 0, and column by column c_k ← own_k c_k + λ_k g, g ← g + v_k c_k, of c_k as it was; own_k is 1 where
-/// it is not `SCALED`. Columns of no v stay.
+/// g ← 0, then for each column c_k ← own_k c_k + λ_k g, g ← g + v_k c_k with the old c_k. own_k is 1 if not `SCALED`.
+/// Columns with v_k = 0 do not change.
 #[inline(always)]
 fn sweep<L: Lanes, const SCALED: bool>(n: usize, v: &[f64], lambda: &[f64], own: &[f64], columns: &mut [f64]) {
     let tiles = n.div_ceil(8);

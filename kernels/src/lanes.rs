@@ -1,11 +1,11 @@
-//! Eight numbers at a time, on whatever the processor has.
+//! Eight numbers at a time, with the best instructions of the processor.
 
-/// Eight numbers that are computed with at once.
+/// Eight numbers for parallel arithmetic.
 ///
-/// A type with intrinsics is named by [`crate::dispatch`] only, in functions that have the features
-/// of the processor enabled; its methods are inlined there.
+/// Only [`crate::dispatch`] names a type with intrinsics, in functions that have the processor features enabled. The
+/// methods of the type are inlined there.
 pub(crate) trait Lanes: Copy {
-    /// Tiles of eight columns that three rows are computed in at once: as many as the registers hold.
+    /// Tiles of eight columns that are computed at once for three rows: as many as the registers hold.
     const TILES: usize;
     /// Rows of one tile that are computed at once.
     const ROWS: usize;
@@ -22,9 +22,9 @@ pub(crate) trait Lanes: Copy {
     fn sub_from(self, from: Self) -> Self;
     /// The first `count` lanes of `first`, then those of `self`; `count` is below 8.
     fn after(self, count: usize, first: Self) -> Self;
-    /// Rows become columns.
+    /// Exchanges rows and columns.
     fn transpose(rows: [Self; 8]) -> [Self; 8];
-    /// Per row, the sum of its lanes: ((0 + 1) + (2 + 3)) + ((4 + 5) + (6 + 7)).
+    /// For each row, the sum of its lanes: ((0 + 1) + (2 + 3)) + ((4 + 5) + (6 + 7)).
     #[inline(always)]
     fn sums(rows: [Self; 8]) -> Self {
         let t = Self::transpose(rows);
@@ -33,8 +33,8 @@ pub(crate) trait Lanes: Copy {
     }
 }
 
-/// rows · columns, the largest number where there is none so large: no slice is so long, and a product that
-/// wraps around would let a short slice pass.
+/// rows · columns, or the largest number on overflow. No slice is that long. A product that wraps around would let a
+/// short slice pass the check.
 #[inline(always)]
 pub(crate) const fn size(rows: usize, columns: usize) -> usize {
     rows.saturating_mul(columns)
@@ -43,7 +43,7 @@ pub(crate) const fn size(rows: usize, columns: usize) -> usize {
 /// `slice[at..at + N]`, checked in builds with debug assertions only.
 ///
 /// # Safety
-/// The slice has `at + N` elements at least.
+/// The slice has at least `at + N` elements.
 #[expect(
     unsafe_code,
     reason = "bounds are checked once per product: in its inner loops they cost as much as the arithmetic"
@@ -55,7 +55,7 @@ pub(crate) unsafe fn some<T, const N: usize>(slice: &[T], at: usize) -> &[T; N] 
     unsafe { &*slice.as_ptr().add(at).cast() }
 }
 
-/// The same, to be written.
+/// The same, mutable.
 ///
 /// # Safety
 /// As for [`some`].
@@ -67,7 +67,7 @@ pub(crate) unsafe fn some_mut<T, const N: usize>(slice: &mut [T], at: usize) -> 
     unsafe { &mut *slice.as_mut_ptr().add(at).cast() }
 }
 
-/// Plain numbers: what every processor has, without fused multiply-add.
+/// Plain numbers for every processor, without fused multiply-add.
 #[derive(Clone, Copy)]
 pub(crate) struct Plain([f64; 8]);
 
@@ -137,7 +137,7 @@ impl Lanes for Plain {
     }
 }
 
-/// Per count, which lanes come from the first of two: all bits of a lane or none.
+/// For each count, the lanes that come from the first operand: a lane has all bits set or none.
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 pub(crate) static FIRST: [[u64; 8]; 8] = {
     let mut masks = [[0; 8]; 8];

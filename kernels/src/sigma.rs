@@ -1,12 +1,11 @@
-//! Sigma points: a root of P, and sums of products over points.
+//! Sigma points: a square root of P, and sums of products over points.
 
 use crate::lanes::Lanes;
 
-/// The rest of a variance that others explain: what is smaller is rounding.
+/// A variance remainder below this share of the variance is rounding.
 const ROUNDING: f64 = 1e-14;
 
-/// Row j of `l` ← column j of the lower L with P = L Lᵀ, row after row; zero where nothing but rounding
-/// is left of its variance.
+/// Row j of `l` ← column j of the lower L with P = L Lᵀ, row after row; zero if only rounding remains of its variance.
 #[inline(always)]
 pub(crate) fn root<L: Lanes>(n: usize, p: &[f64], l: &mut [f64]) {
     let tiles = n.div_ceil(8);
@@ -32,7 +31,7 @@ pub(crate) fn root<L: Lanes>(n: usize, p: &[f64], l: &mut [f64]) {
             scaled.store(&mut row[t]);
         }
         if inverse == 0.0 {
-            // Also where the rest was not a number.
+            // Also if the remainder was NaN.
             row.fill([0.0; 8]);
         }
     }
@@ -54,7 +53,7 @@ pub(crate) fn outer<L: Lanes>(n: usize, count: usize, x: &[f64], w: f64, p: &mut
     }
 }
 
-/// Rows `i` to `i + G` of it.
+/// Rows `i` to `i + G` of P.
 #[inline(always)]
 fn some_rows<L: Lanes, const G: usize>(count: usize, x: &[f64], w: f64, i: usize, tiles: usize, p: &mut [f64]) {
     let p = p.as_chunks_mut::<8>().0;

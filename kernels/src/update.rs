@@ -1,6 +1,6 @@
-//! A measurement of m rows: HP, its factors by that of S, and what P loses by it.
+//! A measurement of m rows: HP, its solutions with the factor of S, and the reduction of P.
 //!
-//! P as in [`congruence`](crate::congruence); HP and its like are m rows of the same length.
+//! P as in [`congruence`](crate::congruence); HP and similar matrices have m rows of the same length.
 
 use crate::lanes::{Lanes, size, some, some_mut};
 
@@ -25,7 +25,7 @@ pub(crate) fn project<L: Lanes>(rows: usize, h: &[f64], columns: &[(usize, usize
     }
 }
 
-/// G of them; these are G.
+/// G of these rows; returns G.
 #[inline(always)]
 fn some_rows<L: Lanes, const G: usize>(h: &[f64], columns: &[(usize, usize)], p: &[[f64; 8]], out: &mut [[f64; 8]], tiles: usize) -> usize {
     let mut t = 0;
@@ -75,8 +75,8 @@ fn some_tiles<L: Lanes, const G: usize, const W: usize>(
     }
 }
 
-/// Calls a function for the numbers of rows that are usual by that number, so that its loops are unrolled;
-/// 0 stands for any other.
+/// Calls a function with the number of rows as a constant for the usual numbers, so that its loops are unrolled; 0
+/// means any other number.
 macro_rules! by_rows {
     ($m:expr, $function:ident::<$lanes:ty>($($arg:expr),*)) => {
         match $m {
@@ -89,8 +89,7 @@ macro_rules! by_rows {
     };
 }
 
-/// out ← XHᵀ, m×m, row by row, where it is symmetric: the elements up to the diagonal are computed, eight
-/// at once.
+/// out ← XHᵀ, m×m, row by row, for a symmetric result. The elements up to the diagonal are computed, eight at once.
 #[inline(always)]
 pub(crate) fn inner<L: Lanes>(m: usize, h: &[f64], x: &[f64], out: &mut [f64], ld: usize) {
     let tiles = ld / 8;
@@ -123,7 +122,7 @@ pub(crate) fn inner<L: Lanes>(m: usize, h: &[f64], x: &[f64], out: &mut [f64], l
     }
 }
 
-/// The places of a lower triangle, row by row.
+/// The positions in a lower triangle, row by row.
 const PLACES: [(usize, usize); 21] = {
     let mut places = [(0, 0); 21];
     let (mut k, mut i) = (0, 0);
@@ -138,7 +137,7 @@ const PLACES: [(usize, usize); 21] = {
     places
 };
 
-/// COUNT of them, at most eight, from FIRST on: places that are known to the compiler.
+/// COUNT elements, at most eight, from FIRST: the compiler knows their positions.
 #[inline(always)]
 fn eight<L: Lanes, const FIRST: usize, const COUNT: usize>(m: usize, h: &[[f64; 8]], x: &[[f64; 8]], out: &mut [f64], tiles: usize) {
     let mut places = [PLACES[FIRST]; 8];
@@ -146,7 +145,7 @@ fn eight<L: Lanes, const FIRST: usize, const COUNT: usize>(m: usize, h: &[[f64; 
     elements::<L>(places, COUNT, m, h, x, out, tiles);
 }
 
-/// `count` elements of XHᵀ, at most eight; the other places are among the first's.
+/// `count` elements of XHᵀ, at most eight; unused positions repeat the first one.
 #[inline(always)]
 fn elements<L: Lanes>(places: [(usize, usize); 8], count: usize, m: usize, h: &[[f64; 8]], x: &[[f64; 8]], out: &mut [f64], tiles: usize) {
     let mut terms = [L::splat(0.0); 8];
@@ -186,7 +185,7 @@ fn gain_of<L: Lanes, const M: usize>(l: &[f64], m: usize, x: &[f64], u: &mut [f6
         &mut u.as_chunks_mut::<8>().0[..m * tiles],
         &mut k.as_chunks_mut::<8>().0[..m * tiles],
     );
-    // Divisions take longest: one per row, not per tile, where there is room for them.
+    // Divisions take longest: there is one per row, not one per tile, if M is known.
     let mut inverses = [0.0; M];
     for i in 0..M {
         inverses[i] = 1.0 / l[i * m + i];
@@ -241,7 +240,7 @@ fn less<L: Lanes, const M: usize>(n: usize, u: &[f64], m: usize, p: &mut [f64]) 
     }
 }
 
-/// Tiles `t` to `t + W` of G rows from `i` on; these are G.
+/// Tiles `t` to `t + W` of G rows from `i`; returns G.
 #[inline(always)]
 fn less_tiles<L: Lanes, const M: usize, const G: usize, const W: usize>(
     u: &[f64],
@@ -284,8 +283,7 @@ fn less_tiles<L: Lanes, const M: usize, const G: usize, const W: usize>(
     G
 }
 
-/// P ← P − DᵀK − KᵀD, of m rows each: both products are rounded before they are added, which is
-/// symmetric to the bit.
+/// P ← P − DᵀK − KᵀD, with m rows each. Both products are rounded before the addition, so P stays symmetric to the bit.
 #[inline(always)]
 pub(crate) fn refine<L: Lanes>(n: usize, d: &[f64], k: &[f64], m: usize, p: &mut [f64]) {
     let tiles = n.div_ceil(8);

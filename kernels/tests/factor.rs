@@ -1,4 +1,4 @@
-//! The operations on factors against plain loops, and the kernels against each other to the bit.
+//! Compares the operations on factors with plain loops, and the kernels with each other to the bit.
 
 use fusion_kernels::{Kernel, Lines, Reach, Shape};
 
@@ -21,7 +21,7 @@ const fn padded(n: usize) -> usize {
 
 const SIZES: [usize; 9] = [1, 3, 7, 8, 9, 15, 16, 21, 40];
 
-/// Columns of which `is_there` tells the elements that are random; others are zero.
+/// Columns with random elements where `is_there` is true, and zeros elsewhere.
 fn columns(n: usize, count: usize, random: &mut Random, is_there: impl Fn(usize, usize) -> bool) -> Lines {
     let (ld, mut all) = (padded(n), Lines::zeros(count * padded(n)));
     for (k, i) in (0..count)
@@ -33,7 +33,7 @@ fn columns(n: usize, count: usize, random: &mut Random, is_there: impl Fn(usize,
     all
 }
 
-/// U with a unit diagonal, and D behind it.
+/// U with a unit diagonal, followed by D.
 fn factor(n: usize, random: &mut Random) -> Lines {
     let (ld, mut all) = (padded(n), columns(n, n + 1, random, |k, i| i < k));
     for k in 0..n {
@@ -55,7 +55,7 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// What each kernel makes of `work`; those with fused products agree to the bit.
+/// The result of `work` with each kernel; kernels with fused products agree to the bit.
 fn each(what: &str, work: impl Fn(Kernel) -> Vec<f64>) -> Vec<f64> {
     let bits = |found: &[f64]| found.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     let portable = work(Kernel::PORTABLE);
@@ -68,15 +68,15 @@ fn each(what: &str, work: impl Fn(Kernel) -> Vec<f64>) -> Vec<f64> {
     portable
 }
 
-/// It is upper triangular, its diagonal is not negative, and its padding is zero.
+/// Returns true if it is upper triangular with a non-negative diagonal and zero padding.
 fn is_triangle(n: usize, f: &[f64]) -> bool {
     f.chunks_exact(padded(n))
         .enumerate()
         .all(|(k, column)| column[k + 1..].iter().all(|v| *v == 0.0) && column[k] >= 0.0)
 }
 
-/// An array of n states: Φ of which the rows from `end` on are diagonal, times a factor, and `noises` columns
-/// more that are zero there.
+/// An array of n states: a factor multiplied by a Φ whose rows from `end` are diagonal, followed by noise columns that
+/// are zero in these rows.
 fn array(shape: Shape, random: &mut Random) -> Lines {
     let Shape { n, len, end } = shape;
     columns(n, len, random, |k, i| {
@@ -189,7 +189,7 @@ fn an_array_without_anything_is_a_factor_of_nothing() {
     for n in SIZES {
         let (ld, shape) = (padded(n), Shape { n, len: n, end: n });
         for kernel in Kernel::here() {
-            // 1e-158 squared has lost its digits, and 1 over it is none: it counts for nothing.
+            // The square of 1e-158 underflows, and 1 divided by it is not finite: it counts as zero.
             for value in [0.0, 1e-158] {
                 let mut a = columns(n, n, &mut Random(3), |_, _| true);
                 a.iter_mut().for_each(|v| *v *= value);
@@ -238,7 +238,7 @@ fn a_factor_given_a_row_is_that_of_the_textbook() {
                 is_triangle(n, u) && is_triangle(n, &rotated) && d.iter().all(|d| *d >= 0.0),
                 "n = {n}"
             );
-            // 1e-12: what is wanted is a difference of numbers up to twenty.
+            // 1e-12: the result is a difference of numbers up to twenty.
             assert!(apart(&sum(n, u, d), &wanted) < 1e-12, "n = {n}, r = {r}");
             assert!(apart(&sum(n, &rotated, &vec![1.0; n]), &wanted) < 1e-12, "n = {n}, r = {r}");
         }
@@ -265,7 +265,7 @@ fn sums_over_points_and_the_root_of_a_covariance_are_those_of_plain_loops() {
             assert_eq!(p[i * ld + j].to_bits(), p[j * ld + i].to_bits(), "n = {n}");
         }
 
-        // The last axis is the first again: nothing is left of its variance.
+        // The last axis repeats the first: its remaining variance is zero.
         let mut twin = p.clone();
         for i in 0..n {
             twin[i * ld + n - 1] = p[i * ld];

@@ -1,4 +1,4 @@
-//! The kernels against plain loops, and against each other to the bit.
+//! Compares the kernels with plain loops, and with each other to the bit.
 
 use fusion_kernels::{Kernel, Lines, Plan, Product};
 
@@ -36,11 +36,11 @@ fn symmetric(n: usize, random: &mut Random) -> Lines {
     p
 }
 
-/// A pattern of Φ: per row, ranges of columns.
+/// A pattern of Φ: ranges of columns for each row.
 type Rows = Vec<Vec<(u16, u16)>>;
 
-/// Patterns as filters have them, and others: blocks of three that couple, decays behind them, between
-/// them and before them, scalar blocks, full rows at the end, and none at all.
+/// Patterns of filters, and others: coupled blocks of three, with decays after, between and before them, scalar blocks,
+/// full rows at the end, and an empty pattern.
 fn patterns() -> Vec<Rows> {
     let mut all = Vec::new();
     let inertial = |n: usize, first: usize| {
@@ -99,7 +99,7 @@ fn congruence(kernel: Kernel, rows: &Rows, phi: &[f64], p: &Lines) -> Lines {
     p
 }
 
-/// Rows and columns of it are alike to the bit, and its padding is zero.
+/// Returns true if it is symmetric to the bit, with zero padding.
 fn is_whole(n: usize, p: &[f64]) -> bool {
     let ld = padded(n);
     let mut pairs = (0..n).flat_map(|i| (0..i).map(move |j| (i, j)));
@@ -111,7 +111,7 @@ fn bits(p: &[f64]) -> Vec<u64> {
     p.iter().map(|v| v.to_bits()).collect()
 }
 
-/// The portable one, and those that fuse.
+/// The portable kernel, and the kernels with fused products.
 fn kernels() -> (Kernel, Vec<Kernel>) {
     (Kernel::PORTABLE, Kernel::here().filter(|k| *k != Kernel::PORTABLE).collect())
 }
@@ -166,7 +166,7 @@ fn kernels_with_fused_products_agree_on_a_congruence_to_the_bit() {
     }
 }
 
-/// Everything that an update does, one operation after the other.
+/// All operations of an update, one after the other.
 fn update(kernel: Kernel, n: usize, m: usize, seed: u64) -> Vec<Lines> {
     let mut random = Random(seed);
     let (ld, h, mut p) = (padded(n), matrix(m, n, &mut random), symmetric(n, &mut random));
@@ -174,7 +174,7 @@ fn update(kernel: Kernel, n: usize, m: usize, seed: u64) -> Vec<Lines> {
     for (i, j) in (0..m * m).map(|k| (k / m, k % m)).filter(|(i, j)| j <= i) {
         l[i * m + j] = if i == j { 2.0 } else { random.next() };
     }
-    // A column that no row reads, and one that is not asked for.
+    // A column that no row reads, and a column that is not requested.
     let columns = if n > 3 { vec![(0, 2), (3, n)] } else { vec![(0, n)] };
     let mut hp = Lines::zeros(m * ld);
     kernel.project(m, &h, &columns, &p, &mut hp, ld);
@@ -190,7 +190,7 @@ fn update(kernel: Kernel, n: usize, m: usize, seed: u64) -> Vec<Lines> {
     vec![hp, hph, u, k, less, c, p]
 }
 
-/// The same by plain loops.
+/// The same with plain loops.
 fn plain_update(n: usize, m: usize, seed: u64) -> Vec<Lines> {
     let mut random = Random(seed);
     let (ld, h, mut p) = (padded(n), matrix(m, n, &mut random), symmetric(n, &mut random));
@@ -205,7 +205,7 @@ fn plain_update(n: usize, m: usize, seed: u64) -> Vec<Lines> {
     }
     let mut hph = Lines::zeros(m * m);
     for (i, j) in (0..m * m).map(|k| (k / m, k % m)) {
-        // The element up to the diagonal, of which the other is a copy.
+        // The element up to the diagonal; the other element is a copy of it.
         let (i, j) = (i.max(j), i.min(j));
         hph[i * m + j] = (0..n).map(|k| hp[i * ld + k] * h[j * ld + k]).sum();
         hph[j * m + i] = hph[i * m + j];
@@ -267,8 +267,8 @@ fn print_of<'a>(results: impl Iterator<Item = &'a Lines>) -> u64 {
     })
 }
 
-/// The numbers here come from integers: they are the same on every machine. What AVX2 and AVX-512 make
-/// of them on one architecture, NEON has to make on the other.
+/// The inputs come from integers, so they are the same on every machine. NEON must give the same results as AVX2 and
+/// AVX-512.
 #[test]
 fn fused_kernels_of_all_architectures_agree_to_the_bit() {
     for kernel in kernels().1 {

@@ -103,16 +103,16 @@ impl GateSpec for NisSpec {
     }
 }
 
-/// Leaves it open whether a measurement is good or false: a bank of hypotheses, `[filter.bank]`, carries
-/// both until it is known. False measurements come one by one, or as a track that agrees with itself.
+/// Leaves it open whether a measurement is good or false: a bank of hypotheses, `[filter.bank]`, keeps both cases until
+/// they can be distinguished. False measurements come one by one, or as a track that agrees with itself.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HypothesesSpec {
     /// The probability that a measurement is false after a good one; 0.01 by default.
     #[serde(default = "one_percent")]
     false_rate: Probability,
-    /// The probability that a measurement is good after a false one: one over the number of measurements of
-    /// a usual false track; 0.2 by default.
+    /// The probability that a measurement is good after a false one. It is 1/n for a usual false track of n
+    /// measurements; 0.2 by default.
     #[serde(default = "one_fifth")]
     false_ends: Probability,
     /// How far from the estimate a false measurement may be, in the unit of the sensor.
@@ -120,13 +120,12 @@ pub struct HypothesesSpec {
     /// How fast a false track may move, seen from the estimate, in the unit of the sensor per second; by
     /// default a thousandth of `reach`.
     speed: Option<AnyQuantity>,
-    /// By how much that speed changes within a second, in the unit of the sensor per s^1.5; a twentieth of
-    /// `speed` by default. At least the noise of the vehicle's own velocity: √(2/T) σ for a velocity with the
-    /// 1σ σ and the correlation time T. Too small, and a false track is easier to foresee than the vehicle:
-    /// good measurements are taken for a false track when the vehicle turns.
+    /// How fast that speed changes within a second, in the unit of the sensor per s^1.5; a twentieth of `speed` by
+    /// default. At least the noise of the vehicle's own velocity: √(2/T) σ for a velocity with the 1σ σ and the
+    /// correlation time T. If it is too small, a false track is easier to predict than the vehicle: the filter then
+    /// takes good measurements for a false track when the vehicle turns.
     wander: Option<AnyQuantity>,
-    /// The probability that a good measurement finds the estimate wrong beyond its covariance; 1e-9 by
-    /// default.
+    /// The probability that the estimate is wrong beyond its covariance at a good measurement; 1e-9 by default.
     #[serde(default = "one_in_a_billion")]
     lost: Probability,
 }
@@ -143,11 +142,11 @@ fn one_in_a_billion() -> Probability {
     Probability::try_from_si(1e-9).unwrap_or_else(|_| unreachable!("1e-9 is a probability"))
 }
 
-/// Of a gate that is asked by itself: the test and the recovery of `nis`.
+/// Outside a bank, this gate acts as `nis` with this probability and the default recovery.
 const ALONE: f64 = 0.999;
 /// The speed of a false track by default, in `reach` per second.
 const SPEED: f64 = 1e-3;
-/// How much of that it changes by within a second.
+/// The default of `wander` as a share of the speed.
 const WANDER: f64 = 0.05;
 
 crate::register!(
@@ -232,13 +231,12 @@ pub struct TwoConditionSpec {
     /// Condition 2: which fixes count as far away.
     #[serde(default)]
     magnitude: MagnitudeSpec,
-    /// 1σ of a good fix per horizontal axis, correlated errors included; by default that of the
-    /// sensor's noise.
+    /// 1σ of a good fix per horizontal axis, including correlated errors; by default the sensor's noise.
     sigma: Option<Positive<dim::Length>>,
-    /// Whether height is judged as well, where the sensor has it: by itself, with its own 1σ.
+    /// Also judges height, separately and with its own 1σ, if the sensor has it.
     #[serde(default = "yes")]
     height: bool,
-    /// 1σ of a good height, correlated errors included; by default that of the sensor's noise.
+    /// 1σ of a good height, including correlated errors; by default the sensor's noise.
     vertical_sigma: Option<Positive<dim::Length>>,
     /// A fix nearer to the estimate than this is never rejected.
     #[serde(default = "three_metres")]
@@ -258,12 +256,12 @@ pub struct TwoConditionSpec {
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EllipseSpec {
-    /// That of the estimate, P.
+    /// The covariance of the estimate, P.
     #[default]
     Estimate,
-    /// That of the innovation, P + R.
+    /// The covariance of the innovation, P + R.
     Innovation,
-    /// The estimate's, axis by axis.
+    /// The covariance of the estimate, axis by axis.
     PerAxis,
 }
 
@@ -359,7 +357,7 @@ impl GateSpec for TwoConditionSpec {
 }
 
 impl TwoConditionSpec {
-    /// The second condition, with the one limit that belongs to it.
+    /// The second condition, with its limit.
     fn magnitude(&self) -> Result<Magnitude, BuildError> {
         use MagnitudeSpec::{Distance, Quality, Reported, Step};
         let kind = self.magnitude;

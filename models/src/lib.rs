@@ -1,9 +1,9 @@
 //! The blocks of the fusion framework: processes, sensors, stages, initialisers, gates, losses and simulated
 //! worlds, as they are declared in TOML.
 //!
-//! A block is one file: its equation with the source at the head, a *spec* (what TOML says), a model of
-//! `fusion-core` (reads quantities, writes Jacobian blocks) and its tests. `fusion blocks NAME` shows a block;
-//! in Rust it is read and built as below, and [`testing::check`] holds it to the laws of its role.
+//! A block is one file: its equation with the source at the head, a *spec* (the TOML fields), a model of `fusion-core`
+//! (reads quantities, writes Jacobian blocks) and its tests. `fusion blocks NAME` shows a block. In Rust it is read and
+//! built as below, and [`testing::check`] tests it against the laws of its role.
 //!
 //! # Equations
 //!
@@ -23,17 +23,16 @@
 //! r_antenna = r ⊞ C_nb l_ba_b          v_antenna = v_eb_n + C_nb (w_ib_b × l_ba_b)
 //! ```
 //!
-//! A parameter such as l is a constant or a state, by the TOML alone ([`param`]); a state may be constant, a
+//! A parameter such as l is a constant or a state; the TOML alone decides ([`param`]). A state may be constant, a
 //! random walk, or decay as a Gauss-Markov process, x⁺ = e^(−Δt/τ) x + w.
 //!
-//! Sources: Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems*, 2013, §5.4
-//! and §14; Titterton and Weston, *Strapdown Inertial Navigation Technology*, 2004, §3.5; Gelb, *Applied
-//! Optimal Estimation*, 1974, §3.8. Every other block names its own.
+//! Sources: Groves, *Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems*, 2013, §5.4 and §14;
+//! Titterton and Weston, *Strapdown Inertial Navigation Technology*, 2004, §3.5; Gelb, *Applied Optimal Estimation*,
+//! 1974, §3.8. Every other block names its own sources.
 //!
 //! # Example
 //!
-//! A process and a sensor from TOML, composed to a filter by hand: what the crate `fusion` does for a whole
-//! design.
+//! A process and a sensor from TOML, composed into a filter by hand. The crate `fusion` does this for a whole design.
 //!
 //! ```
 //! use fusion_models::block::{Build, ProcessSpec, SensorSpec};
@@ -88,17 +87,17 @@
 //!
 //! | module | has |
 //! |---|---|
-//! | [`process`], [`sensor`] | how the state moves; what is measured |
-//! | [`stage`], [`initial`] | streams made of streams; how a filter starts |
-//! | [`gate`], [`loss`], [`fault`] | policies; what goes wrong with a source |
+//! | [`process`], [`sensor`] | motion of the state; measurement models |
+//! | [`stage`], [`initial`] | streams made of streams; the start of a filter |
+//! | [`gate`], [`loss`], [`fault`] | policies; disturbances of a source |
 //! | [`sim`] | trajectories, steered vehicles, errors of instruments |
 //! | [`earth`] | gravity, rates, frames, the magnetic field |
-//! | [`block`], [`registry`], [`vocabulary`] | what a block declares; which there are; well-known names |
+//! | [`block`], [`registry`], [`vocabulary`] | declarations of a block; the list of blocks; well-known names |
 //! | [`param`], [`units`] | parameters, fixed or estimated; quantities with units |
-//! | [`plausible`], [`spelling`] | what nothing can have measured; what was probably meant |
+//! | [`plausible`], [`spelling`] | impossible values; suggestions for misspelt names |
 //! | [`testing`] | the laws, for blocks of this crate and of others |
 //!
-//! What is absent here: no block knows an estimator, a covariance or a state index, and none reads a file.
+//! Not here: no block knows an estimator, a covariance or a state index, and no block reads a file.
 
 pub mod block;
 pub mod earth;

@@ -1,4 +1,4 @@
-//! Calibration parameters as TOML declares them: fixed or estimated, by the file alone.
+//! Calibration parameters as TOML declares them: the file alone decides if they are fixed or estimated.
 //!
 //! ```toml
 //! lever_arm = ["10 cm", 0, "-1 m"]                                                # fixed
@@ -124,9 +124,9 @@ pub type RotationParam = ParamSpec<Rpy>;
 pub enum ParamSpec<V: ParamValue> {
     /// A constant.
     Fixed(V),
-    /// A state of its own.
+    /// A separate state.
     Estimated(Estimated<V>),
-    /// The state of that name, which another block brings.
+    /// The state of this name, which another block declares.
     Shared(String),
 }
 
@@ -147,12 +147,12 @@ impl<V: ParamValue> ParamSpec<V> {
         }
     }
 
-    /// Whether the parameter is a state of its own with a correlation time.
+    /// Returns true if the parameter is its own state with a correlation time.
     pub(crate) const fn is_correlated(&self) -> bool {
         matches!(self, Self::Estimated(e) if e.correlation_time.is_some())
     }
 
-    /// Whether the parameter is a state.
+    /// Returns true if the parameter is a state.
     #[must_use]
     pub const fn is_state(&self) -> bool {
         !matches!(self, Self::Fixed(_))
@@ -170,11 +170,11 @@ pub struct Estimated<V: ParamValue> {
     correlation_time: Option<Positive<dim::Duration>>,
 }
 
-/// The second exponent halves of 1/√s.
+/// The exponent of 1/√s; exponents of seconds count in halves.
 const PER_ROOT_SECOND: i8 = -1;
 
 impl<V: ParamValue> Estimated<V> {
-    /// Its own dynamics, or the key and reason of what does not fit.
+    /// Its own dynamics, or the key and the reason of an invalid combination.
     pub(crate) fn dynamics(&self) -> Result<Dynamics, BuildError> {
         let sigma = V::axes(&self.sigma);
         let axes = vec![per_root_second(V::KIND.dimension); sigma.len()];
@@ -198,7 +198,7 @@ impl<V: ParamValue> Estimated<V> {
     }
 }
 
-/// The dimension of the random walk of something of dimension `d`.
+/// The dimension of the random walk of a quantity with dimension `d`.
 #[must_use]
 pub fn per_root_second(d: Dimension) -> Dimension {
     let root = dim::Duration::KIND.dimension.power(PER_ROOT_SECOND);
@@ -210,14 +210,14 @@ pub fn per_root_second(d: Dimension) -> Dimension {
 #[serde(deny_unknown_fields, bound = "V: ParamValue")]
 #[schemars(bound = "V: ParamValue")]
 struct Table<V: ParamValue> {
-    /// Whether the parameter becomes a state of the filter.
+    /// Makes the parameter a state of the filter.
     estimate: Option<bool>,
-    /// The value the filter starts from, or the constant where `estimate = false`.
+    /// The initial value of the state, or the constant if `estimate = false`.
     initial: Option<V>,
     /// Initial 1σ; with `correlation_time` also the stationary 1σ.
     sigma: Option<V::Sigma>,
-    /// Makes the state a random walk of this density: the unit of the parameter per sqrt(s), one for
-    /// all axes or an array of one per axis; 0 is none.
+    /// Makes the state a random walk of this density. The unit is that of the parameter per sqrt(s). One value holds
+    /// for all axes, or an array has one per axis; 0 for no random walk.
     random_walk: Option<PerAxis>,
     /// Makes the state first-order Gauss-Markov with this correlation time.
     correlation_time: Option<Positive<dim::Duration>>,
@@ -254,12 +254,12 @@ impl<V: ParamValue> Table<V> {
     }
 }
 
-/// The parameter that is this constant.
+/// The parameter with this constant value.
 fn fixed<V: ParamValue>(value: V) -> Result<ParamSpec<V>, String> {
     within_a_turn(V::KIND.dimension, &value.numbers()).map(|()| ParamSpec::Fixed(value))
 }
 
-/// No angle of a parameter is larger than a turn: one that is was written in degrees.
+/// No angle of a parameter is larger than a turn: a larger angle was written in degrees.
 fn within_a_turn(dimension: Dimension, si: &[f64]) -> Result<(), String> {
     let is_angle = dimension == dim::Angle::KIND.dimension;
     match si.iter().find(|angle| is_angle && angle.abs() > TAU) {

@@ -1,7 +1,7 @@
-//! What no sensor can have measured: numbers that are a mistake of units, or of the log.
+//! Values that no sensor can have measured: mistakes of units, or of the log.
 //!
-//! The limits are far beyond any vehicle; a sensor's own range is declared where it is used. What
-//! is not finite is left to who uses the numbers: the others of its row may be sound.
+//! The limits are far beyond any vehicle; the user declares a sensor's own range separately. Values that are not finite
+//! are left to the users of the numbers: the other numbers of the row may be good.
 
 use crate::block::Shape;
 use crate::units::{Dimension, Dimensional, dim};
@@ -18,36 +18,36 @@ const HEIGHTS: (f64, f64) = (-6.4e6, 1e9);
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("{message}")]
 pub struct Impossible {
-    /// What they are.
+    /// The problem, as a message.
     pub message: String,
-    /// Whether degrees may have been taken for radians.
+    /// True if degrees may have been used as radians.
     pub may_be_degrees: bool,
 }
 
-/// The largest number of a dimension, in SI; none where nothing is known of it.
+/// The largest plausible number of a dimension, in SI; `None` if no limit is known.
 fn largest(dimension: Dimension) -> Option<f64> {
     [
         // Light in vacuum.
         (dim::Speed::KIND.dimension, 299_792_458.0),
         // A million revolutions per minute: ten times a turbocharger.
         (dim::AngularRate::KIND.dimension, 1e5),
-        // Five times a shell in its barrel.
+        // Five times the acceleration of a shell in its barrel.
         (dim::Acceleration::KIND.dimension, 1e6),
-        // The planets.
+        // The size of the planetary system.
         (dim::Length::KIND.dimension, 1e13),
         // The strongest lasting magnets have 45 T.
         (dim::MagneticField::KIND.dimension, 100.0),
-        // Thirty times the centre of the Earth.
+        // Thirty times the pressure at the centre of the Earth.
         (dim::Pressure::KIND.dimension, 1e13),
     ]
     .into_iter()
     .find_map(|(of, largest)| (of == dimension).then_some(largest))
 }
 
-/// Checks the numbers of a channel, in SI; `is_sigma` where they are 1σ.
+/// Checks the numbers of a channel, in SI; `is_sigma` if they are 1σ.
 ///
 /// # Errors
-/// What cannot be.
+/// The value that is impossible.
 pub fn check(shape: Shape, dimension: Dimension, is_sigma: bool, values: &[f64]) -> Result<(), Impossible> {
     let fails = |message: String, may_be_degrees| Err(Impossible { message, may_be_degrees });
     match (shape, values) {

@@ -1,13 +1,13 @@
-//! The registry: which blocks there are, for messages, help, schema and tests.
+//! The registry: the list of blocks, for messages, help, schema and tests.
 //!
-//! typetag turns a `type` name into a spec; this table beside it knows every name, its fields
-//! and an example. A block registers itself with [`register!`](crate::register) in its own file.
+//! typetag turns a `type` name into a spec. This table also knows every name, its fields and an example. A block
+//! registers itself with [`register!`](crate::register) in its own file.
 
 use schemars::Schema;
 use serde::de::DeserializeOwned;
 use std::sync::LazyLock;
 
-/// What a block is for.
+/// The purpose of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Role {
     /// Moves the state.
@@ -24,20 +24,20 @@ pub enum Role {
     Loss,
     /// A source of rows.
     Source,
-    /// Something that goes wrong with a source.
+    /// A disturbance of a source.
     Fault,
-    /// A piece of a simulated trajectory.
+    /// A part of a simulated trajectory.
     Segment,
     /// A simulated vehicle.
     Vehicle,
     /// Its controller.
     Control,
-    /// What it does.
+    /// The task of a simulated vehicle.
     Task,
 }
 
 impl Role {
-    /// Every role, in the order a reader wants them.
+    /// Every role, in a good order for readers.
     pub const ALL: [Self; 12] = [
         Self::Process,
         Self::Sensor,
@@ -92,10 +92,10 @@ pub struct Registration {
 inventory::collect!(Registration);
 
 impl Registration {
-    /// The spec of its example, of its role's trait.
+    /// The spec of its example, for its role's trait.
     ///
     /// # Errors
-    /// What is wrong with the example.
+    /// The problem of the example.
     pub fn spec<T: DeserializeOwned>(&self) -> Result<T, String> {
         let table: toml::Table = toml::from_str(self.example).map_err(|e| format!("its example is not TOML: {e}"))?;
         // `{ type: table }`, as typetag reads it.
@@ -127,7 +127,7 @@ pub fn all() -> Vec<&'static Registration> {
     sorted().to_vec()
 }
 
-/// The same, sorted once: blocks register before the program begins.
+/// All registered blocks, sorted once: blocks register before the program begins.
 fn sorted() -> &'static [&'static Registration] {
     static SORTED: LazyLock<Vec<&'static Registration>> = LazyLock::new(|| {
         let mut all: Vec<_> = inventory::iter::<Registration>.into_iter().collect();
@@ -143,7 +143,7 @@ pub fn names(role: Role) -> Vec<&'static str> {
     sorted().iter().filter(|r| r.role == role).map(|r| r.name).collect()
 }
 
-/// Refuses names that are registered twice in one role: a mistake of whoever links the program.
+/// Checks that no name is registered twice in one role, which is a mistake in the linked program.
 ///
 /// # Errors
 /// A sentence per such name, with the modules that register it.
@@ -151,7 +151,7 @@ pub fn refuse_duplicates() -> Result<(), String> {
     refuse_duplicates_of(sorted())
 }
 
-/// The same of blocks sorted by role and name.
+/// The same check for blocks sorted by role and name.
 fn refuse_duplicates_of(sorted: &[&Registration]) -> Result<(), String> {
     let twice = sorted.windows(2).filter(|w| (w[0].role, w[0].name) == (w[1].role, w[1].name));
     let sentences: Vec<String> = twice

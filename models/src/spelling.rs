@@ -1,7 +1,7 @@
-//! What was probably meant by a name that is not known.
+//! The name that was probably meant by an unknown name.
 
-/// The candidate that was probably meant by `word`: a third of the letters may differ, case does not
-/// count, and a beginning of three letters will do.
+/// The candidate that was probably meant by `word`. A third of the letters may differ, case does not count, and a
+/// beginning of three letters is enough.
 #[must_use]
 pub fn did_you_mean<'c>(word: &str, candidates: &[&'c str]) -> Option<&'c str> {
     let word = word.to_lowercase();

@@ -1,8 +1,7 @@
 //! The laws of `fusion_core::testing` over registered blocks.
 //!
-//! Each block is built from its own example, so a block added later is tested by being
-//! registered, in this crate or in another: a test there calls [`check`] for what it registers.
-//! What fails is named: block, process, state, element.
+//! Each block is built from its own example. So a block that is registered later, in this crate or in another, is
+//! tested too: a test there calls [`check`] for its blocks. An error names block, process, state and element.
 
 mod drive;
 mod fault;
@@ -23,21 +22,21 @@ use fusion_core::state::{Dynamics, Kind, Layout, LayoutBuilder};
 use fusion_core::testing::{Lcg, check_gate, check_loss, check_measurement, check_process};
 use std::sync::Arc;
 
-/// States tried per model.
+/// The number of states tried per model.
 const STATES: u64 = 8;
 
-/// Near the beacon of the range example, and where the documents' experiments took place.
+/// The origin: near the beacon of the range example, in the area of the experiments of the documents.
 const ORIGIN: Geodetic = Geodetic {
     lat: 0.63003,
     lon: 2.25933,
     height: -10.0,
 };
 
-/// Everything that is asked of a block: fields described, its example builds, the laws of its
-/// role hold. A sensor is tried on every registered process that takes it.
+/// The requirements for a block: its fields are described, its example builds, the laws of its role
+/// hold. A sensor is tried on every registered process that takes it.
 ///
 /// # Errors
-/// A sentence naming what is wrong with which block.
+/// A sentence that names the block and the problem.
 pub fn check(r: &Registration) -> Result<(), String> {
     described(r)?;
     match r.role {
@@ -52,13 +51,13 @@ pub fn check(r: &Registration) -> Result<(), String> {
         Role::Vehicle => vehicle::check(r),
         Role::Control => mission::control(r),
         Role::Task => mission::task(r),
-        // The crate that reads files has their laws: they need files.
+        // The crate that reads files has the laws of sources: they need files.
         Role::Source => Ok(()),
     }
     .map_err(|e| format!("{} `{}`: {e}", r.role.name(), r.name))
 }
 
-/// The block and each of its fields carry a description: it is the help that users see.
+/// The block and each of its fields have a description: it is the help for users.
 fn described(r: &Registration) -> Result<(), String> {
     let schema = (r.schema)();
     let missing = |what: &str| format!("{} `{}` has no description{what}", r.role.name(), r.name);
@@ -81,7 +80,7 @@ fn build<'a>(name: &'a str, layout: &'a mut LayoutBuilder) -> Build<'a> {
     }
 }
 
-/// A process built from its example, the sensors that follow built into the same layout.
+/// A process built from its example, with the following sensors built into the same layout.
 struct Bench {
     layout: LayoutBuilder,
     process: Arc<dyn Process>,
@@ -102,7 +101,7 @@ impl Bench {
         })
     }
 
-    /// An input sample of the size its channels suggest.
+    /// An input sample of the size of its channels.
     fn sample(&self, random: &mut Lcg) -> Result<Vec<f64>, String> {
         let mut sample = Vec::new();
         for channel in self.spec.input() {
@@ -122,7 +121,7 @@ impl Bench {
     }
 }
 
-/// The declared state, moved at random as far as blocks of its kind go.
+/// The declared state, moved at random within the range of each kind of block.
 fn state(layout: &Layout, random: &mut Lcg) -> Vec<f64> {
     let (mut x, mut delta) = (layout.initial().to_vec(), vec![0.0; layout.dim()]);
     for b in layout.blocks() {
@@ -144,8 +143,7 @@ fn state(layout: &Layout, random: &mut Lcg) -> Vec<f64> {
     x
 }
 
-/// `sample` as the process runs over it, after another just like it: corrections for what changes
-/// between samples may be left out of Φ.
+/// `sample` with an identical sample before it: Φ may neglect corrections for the change between samples.
 fn steady(process: &dyn Process, sample: &[f64]) -> Vec<f64> {
     let Some(mut preparation) = process.preparation() else {
         return sample.to_vec();
@@ -194,7 +192,7 @@ fn sensor(r: &Registration) -> Result<(), String> {
             return Err(format!("its noise has {sigmas} dimensions, its residual {} rows", size.residual));
         }
         let names = spec.axes().len();
-        // Without names rows are counted; those of several alike have the names of one.
+        // Without names rows are counted; several equal groups of rows share one group of names.
         if names > 0 && !size.residual.is_multiple_of(names) {
             return Err(format!("it names {names} of its {} residual rows", size.residual));
         }
@@ -225,7 +223,7 @@ fn sensor(r: &Registration) -> Result<(), String> {
 fn gate(r: &Registration) -> Result<(), String> {
     let spec: Box<dyn GateSpec> = r.spec()?;
     spec.build().map_err(|e| e.to_string())?;
-    // What could be built once can be built again.
+    // It was built once, so it can be built again.
     check_gate(&|| spec.build().unwrap_or_else(|_| Box::new(fusion_core::gate::Open)))
 }
 

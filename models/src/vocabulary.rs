@@ -1,9 +1,8 @@
 //! The well-known states, signals and channels: each name written once, with its type.
 //!
-//! A process brings those of [`state`] that it has, as states or as signals; sensors, stages,
-//! initialisers, the simulator and the score find them by these constants. A block may bring
-//! others, under names of its own. A [`channel`] is what a stream carries, under the name of the
-//! quantity it measures.
+//! A process provides those names of [`state`] that it has, as states or as signals. Sensors, stages, initialisers, the
+//! simulator and the score find them by these constants. A block may add quantities under its own names. A [`channel`]
+//! is a part of a stream, under the name of the quantity that it measures.
 
 /// Names of states and signals, typed by the manifold of their values.
 pub mod state {
@@ -23,13 +22,13 @@ pub mod state {
     pub const SPEED: QuantityName<'static, Scalar> = QuantityName::new("speed");
     /// Rate of the heading \[rad/s\].
     pub const YAW_RATE: QuantityName<'static, Scalar> = QuantityName::new("yaw_rate");
-    /// Speed sideways out of a turn, over speed times yaw rate \[s\].
+    /// Speed sideways in a turn, divided by speed times yaw rate \[s\].
     pub const SIDE_SLIP: QuantityName<'static, Scalar> = QuantityName::new("side_slip");
     /// Velocity of the body over ground in its own axes, forward, right, down \[m/s\].
     pub const BODY_VELOCITY: QuantityName<'static, Vector<3>> = QuantityName::new("body_velocity");
-    /// From the heading of a reference to the true one, clockwise \[rad\].
+    /// From the heading of a reference to the true heading, clockwise \[rad\].
     pub const HEADING_OFFSET: QuantityName<'static, Scalar> = QuantityName::new("heading_offset");
-    /// Velocity that the body's axes do not tell, north, east, down \[m/s\].
+    /// Velocity that is not in the body's axes, north, east, down \[m/s\].
     pub const DRIFT: QuantityName<'static, Vector<3>> = QuantityName::new("drift");
     /// Angular rate w_ib_b, body axes \[rad/s\].
     pub const ANGULAR_RATE: QuantityName<'static, Vector<3>> = QuantityName::new("angular_rate");
@@ -45,9 +44,9 @@ pub mod state {
     pub const ACCEL_SCALE: QuantityName<'static, Vector<3>> = QuantityName::new("accel_scale");
 }
 
-/// Names of parameters whose truth a simulated world may know: a state that a sensor brings is called `sensor.parameter`.
+/// Names of parameters whose truth a simulated world may know: a state of a sensor is named `sensor.parameter`.
 pub mod parameter {
-    /// What a sensor reads too much, in each row of its residual.
+    /// The error that a sensor adds, in each row of its residual.
     pub const BIAS: &str = "bias";
     /// Velocity of the water over ground, north, east, down \[m/s\].
     pub const CURRENT: &str = "current";
@@ -63,11 +62,11 @@ pub mod channel {
 
     /// Geodetic position.
     pub const POSITION: Channel = Channel::geodetic(state::POSITION.as_str());
-    /// Latitude and longitude \[rad\], where no height is known.
+    /// Latitude and longitude \[rad\], if the height is not known.
     pub const HORIZONTAL_POSITION: Channel = Channel::angles("horizontal_position", 2);
     /// Velocity north, east, down \[m/s\].
     pub const VELOCITY: Channel = Channel::vector(state::VELOCITY.as_str(), 3, dim::Speed::KIND.dimension);
-    /// Velocity north and east \[m/s\], where nothing is known of the vertical.
+    /// Velocity north and east \[m/s\], if the vertical velocity is not known.
     pub const HORIZONTAL_VELOCITY: Channel = Channel::vector("horizontal_velocity", 2, dim::Speed::KIND.dimension);
     /// Attitude as a unit quaternion, body to north-east-down.
     pub const ATTITUDE: Channel = Channel::quaternion(state::ATTITUDE.as_str());
@@ -105,7 +104,7 @@ pub mod channel {
     /// Velocity of the body in its own axes, forward, right, down \[m/s\].
     pub const BODY_VELOCITY: Channel = Channel::vector(state::BODY_VELOCITY.as_str(), 3, dim::Speed::KIND.dimension);
 
-    /// The channel of that name, if it is one of these.
+    /// The channel with this name, if it is one of these.
     #[must_use]
     pub fn known(name: &str) -> Option<Channel> {
         let all = [

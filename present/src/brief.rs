@@ -1,4 +1,4 @@
-//! What matters of a run: a page that fits on a screen.
+//! The main results of a run: a page that fits on a screen.
 
 use super::control;
 use super::health;
@@ -14,8 +14,8 @@ use fusion_tables::{Cell, Column, Page, Section, Table};
 const FINDINGS: usize = 4;
 
 impl Shown<'_, Summary> {
-    /// Health, errors, consistency and what to look at next, then what became of the measurements: no more than
-    /// a screen of most designs. [`page`](Self::page) has everything.
+    /// Health, errors, consistency and the findings to look at next, then the outcomes of the measurements. For most
+    /// designs it fits on a screen. [`page`](Self::page) has everything.
     #[must_use]
     pub fn brief(&self) -> Page {
         Page {
@@ -84,7 +84,7 @@ impl Shown<'_, Summary> {
         Section::new("", [t])
     }
 
-    /// That the largest heading error is one of the time in which the filter itself said that it was not aligned.
+    /// A note if the largest heading error is from the time before the filter was aligned.
     fn while_aligning(&self, score: &Score) -> Option<String> {
         let aligned = self.health.iter().find(|h| h.filter.is_empty())?.aligned?;
         let (at, most) = score.attitude_deg.as_ref().map(|axes| (axes.max_time[2], axes.max[2]))?;
@@ -97,7 +97,7 @@ impl Shown<'_, Summary> {
         })
     }
 
-    /// What to look at next, at most so many findings.
+    /// The findings to look at next, at most `most` of them.
     #[must_use]
     pub fn look_next(&self, most: usize) -> Section {
         let mut section = Section::new("Look at next", []);
@@ -199,7 +199,7 @@ fn errors(t: &mut Table, whose: &str, score: &Score) {
     }
 }
 
-/// `inside 3σ 75 % (yaw), overconfident`: the axis of an attitude with the least share, where there is no NEES.
+/// `inside 3σ 75 % (yaw), overconfident`: the axis of an attitude with the smallest share, for runs without NEES.
 fn inside(attitude: &Axes) -> Option<String> {
     let known = (0..3).filter(|k| attitude.inside[*k].is_finite());
     let k = known.min_by(|a, b| attitude.inside[*a].total_cmp(&attitude.inside[*b]))?;

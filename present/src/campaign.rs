@@ -137,7 +137,7 @@ pub fn health(campaigns: &[(&str, &Campaign)]) -> Section {
     }
 }
 
-/// A description before what follows it.
+/// A description as the beginning of a title.
 fn titled(description: &str) -> String {
     if description.is_empty() {
         String::new()
@@ -171,7 +171,7 @@ fn grouped(count: u64) -> String {
 }
 
 impl Shown<'_, Campaign> {
-    /// As it is shown: spreads per axis, consistency, what the gates did, innovations.
+    /// The page: spreads per axis, consistency, the outcomes of the gates, innovations.
     #[must_use]
     pub fn page(&self) -> Page {
         Page {
@@ -200,7 +200,7 @@ impl Shown<'_, Campaign> {
         }
     }
 
-    /// What to look at next, by the run in the middle and as at least half of the runs say it.
+    /// The findings to look at next: those of the median run that at least half of the runs have too.
     fn look_next(&self) -> Section {
         let (found, all) = (self.findings(), self.rows.len());
         let Some(middle) = self.middle().filter(|_| !found.is_empty()) else {
@@ -215,7 +215,7 @@ impl Shown<'_, Campaign> {
         section
     }
 
-    /// What a reader must not overlook of the runs together.
+    /// The warnings about all runs together that a reader must not overlook.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let shared = match self.independence {
@@ -248,7 +248,7 @@ impl Shown<'_, Campaign> {
         })
     }
 
-    /// In how many runs the filter was degraded, lost, or never good, and how to look at one of the worst.
+    /// The number of runs in which the filter was degraded, lost, or never good, and how to look at one of the worst.
     fn ill(&self) -> Option<String> {
         let kinds = [
             (State::Lost, "lost"),
@@ -275,8 +275,8 @@ impl Shown<'_, Campaign> {
         ))
     }
 
-    /// Whether the errors of the runs are what the filter says of them, in a sentence; by NIS where there is no
-    /// reference. None where nothing can be judged.
+    /// A sentence: whether the errors of the runs are consistent with the covariance of the filter. Without a reference
+    /// it is judged by NIS. `None` if nothing can be judged.
     fn verdict(&self) -> Option<String> {
         let nees = ["position", "velocity", "attitude"].into_iter().enumerate();
         let nees: Vec<_> = nees.filter_map(|(i, of)| Some((of, self.judge(|r| r.nees[i])?))).collect();
@@ -319,7 +319,7 @@ impl Shown<'_, Campaign> {
         ))
     }
 
-    /// The last errors of each parameter with a drawn truth, and what the filter says of them.
+    /// The final errors of each parameter with a drawn truth, and the 1σ that the filter gives for them.
     fn parameters(&self) -> Table {
         let numbers = ["RMS", "mean 1σ", "inside 3σ"].map(Column::number);
         let mut t = Table::new([Column::text("parameter")].into_iter().chain(numbers));
@@ -369,7 +369,7 @@ impl Shown<'_, Campaign> {
         t
     }
 
-    /// Each declared outage over the runs: the error at its end, and what the filter says of it.
+    /// Each declared outage over the runs: the error at its end, and the σ that the filter gives for it.
     fn drift(&self) -> Section {
         let metres = |name: &str| Column::with_unit(name, Unit::of_si("m"));
         let seconds = |name: &str| Column::with_unit(name, Unit::of_si("s"));

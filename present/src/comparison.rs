@@ -1,4 +1,4 @@
-//! Several runs beside each other.
+//! Several runs next to each other.
 
 use super::health;
 use super::judged::NEES;
@@ -10,7 +10,7 @@ use fusion::score::{Consistency, Convergence, Score, Travelled};
 use fusion_tables::Unit;
 use fusion_tables::{Cell, Column, Section, Table};
 
-/// Errors per axis, drift, what the gates did, consistency and time per epoch: a row for each run
+/// Errors per axis, drift, outcomes of the gates, consistency and time per epoch: a row for each run
 /// with its name. Where a run has no reference, innovations are all that can be compared: then each
 /// sensor has its counts, NIS and innovations.
 #[must_use]
@@ -26,7 +26,7 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
             let cells = score.map_or_else(Vec::new, cells);
             t.row([Cell::text(name)].into_iter().chain(cells));
         }
-        // Where nothing is scored, names alone are left.
+        // Without a score, only the names are left.
         (t.columns().count() > 1).then_some(t)
     };
     let position = of_score(position_columns(), position);
@@ -170,8 +170,8 @@ fn measurements(runs: &[(&str, &Summary)]) -> Table {
     t
 }
 
-/// What became of the measurements of each sensor, and how its innovations fit their covariance:
-/// the runs of a sensor beside each other.
+/// The outcomes of the measurements of each sensor, and how well its innovations fit their covariance.
+/// The runs of a sensor are next to each other.
 fn by_sensor(runs: &[(&str, &Summary)]) -> [Section; 2] {
     let counts = counts(runs.iter().flat_map(|(_, s)| &s.sensors));
     let columns = [Column::text("sensor"), Column::text("run")];

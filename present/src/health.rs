@@ -1,4 +1,4 @@
-//! The health of a run: a line at the top, and what happened when.
+//! The health of a run: a line at the top, and the periods of ill health.
 
 use fusion::health::{FilterHealth, NamedReason, State, Transition};
 use fusion_tables::Unit;
@@ -9,7 +9,8 @@ const SPELLS: usize = 20;
 /// Reasons that are named in a line.
 const REASONS: usize = 4;
 
-/// In a line: the state at the end, and the time in each that is not good; where it always was, what is told nevertheless.
+/// One line: the state at the end, and the time in each state that is not good. If the filter was always good, the line
+/// has the reasons that were reported nevertheless.
 pub(super) fn line(health: &FilterHealth) -> String {
     let ill = [State::Lost, State::Degraded, State::Coasting].into_iter();
     let ill: Vec<String> = ill
@@ -25,7 +26,7 @@ pub(super) fn line(health: &FilterHealth) -> String {
     };
     match (health.is_good(), ill.is_empty()) {
         (true, true) => match health.transitions.iter().find(|t| !t.reasons.is_empty()) {
-            // Several reasons in turn are told as one stretch.
+            // Several reasons in turn are shown as one period.
             Some(told) => match health.spells().iter().rev().find(|s| !s.reasons.is_empty()) {
                 Some(spell) if spell.told_until < health.until => {
                     format!("good; from {:.1} to {:.1} s: {}", told.time, spell.told_until, named(&told.reasons))
@@ -39,7 +40,7 @@ pub(super) fn line(health: &FilterHealth) -> String {
     }
 }
 
-/// The state at the end; where it is a want of input that the log ends with, so.
+/// The state at the end. If the log ends with missing input, the text says so.
 fn at_the_end(health: &FilterHealth) -> String {
     let last = health.transitions.last().filter(|_| health.further_transitions == 0);
     let is_end_of_input = |t: &&Transition| t.state == State::Coasting && t.reasons.iter().all(|r| r.reason == "no_input");
@@ -53,13 +54,13 @@ fn at_the_end(health: &FilterHealth) -> String {
     }
 }
 
-/// When and why it first was worse than coasting, but for what declared outages explain.
+/// When and why it first was worse than coasting, apart from declared outages.
 pub(super) fn first_ill(health: &FilterHealth) -> Option<String> {
     if health.is_ill_as_declared() {
         return None;
     }
     let spells = health.spells();
-    // Of more changes than are kept it may be none of these.
+    // If there were more changes than are kept, the period may be missing here.
     let undeclared = spells.iter().find(|s| s.is_ill_undeclared());
     let first = undeclared.or_else(|| spells.iter().find(|s| s.state >= State::Degraded))?;
     Some(format!("{} from {:.1} s on: {}", first.state, first.from, named(&first.reasons)))
@@ -83,7 +84,7 @@ fn named(reasons: &[NamedReason]) -> String {
     first(reasons, REASONS)
 }
 
-/// The first `most` reasons. One that holds for two states is told once, with the worse of them.
+/// The first `most` reasons. A reason that holds for two states is shown once, with the worse state.
 fn first(reasons: &[NamedReason], most: usize) -> String {
     let is_worse = |a: &NamedReason, b: &NamedReason| (a.reason, &a.of) == (b.reason, &b.of) && a.state > b.state;
     let kept: Vec<&NamedReason> = reasons.iter().filter(|r| !reasons.iter().any(|other| is_worse(other, r))).collect();
@@ -106,7 +107,7 @@ pub(super) fn shares<'a>(what: &str, all: impl IntoIterator<Item = (&'a str, &'a
     t
 }
 
-/// What happened when, with the first few reasons of each; nothing of filters that were good since they aligned.
+/// The periods of ill health with their first few reasons. Filters that were good since they aligned are left out.
 #[must_use]
 pub fn section(all: &[FilterHealth]) -> Section {
     spells(all, REASONS)

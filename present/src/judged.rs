@@ -37,13 +37,13 @@ pub(super) fn consistency<'a>(statistics: impl IntoIterator<Item = (String, &'a 
 /// The names of the three NEES of a score.
 pub(super) const NEES: [&str; 3] = ["NEES position", "NEES velocity", "NEES attitude"];
 
-/// Whether the NEES of a block stands beside those of position, velocity and attitude.
+/// Returns true if the NEES of a block is shown in addition to those of position, velocity and attitude.
 pub(super) fn is_judged_as_block(block: &BlockScore) -> bool {
     let solution = [state::POSITION.as_str(), state::VELOCITY.as_str(), state::ATTITUDE.as_str()];
     !solution.contains(&block.name.as_str())
 }
 
-/// `gyro_bias x`, or the block alone where it has one axis.
+/// `gyro_bias x`, or the block alone if it has one axis.
 pub(super) fn axis_name(block: &BlockScore, axis: usize) -> String {
     match block.error.len() {
         1 => block.name.clone(),

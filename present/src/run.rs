@@ -123,7 +123,7 @@ impl Shown<'_, Summary> {
         Section::new("Run", [t])
     }
 
-    /// What the sources delivered.
+    /// The data that the sources delivered.
     #[must_use]
     pub fn data(&self) -> Section {
         let seconds = || Unit::of_si("s");
@@ -162,7 +162,7 @@ impl Shown<'_, Summary> {
         }
     }
 
-    /// What became of the measurements.
+    /// The outcomes of the measurements.
     #[must_use]
     pub fn measurements(&self) -> Vec<Section> {
         let counts = counts(&self.sensors);
@@ -238,7 +238,7 @@ impl Shown<'_, Summary> {
         }
     }
 
-    /// What a reader must not overlook, a sentence each.
+    /// The warnings that a reader must not overlook, one sentence each.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut all = Vec::new();
@@ -336,10 +336,9 @@ pub(crate) fn axes(state: &FinalState) -> Vec<(String, f64, f64)> {
     values.map(|(k, value)| (name(k), *value, sigma(k))).collect()
 }
 
-/// The consumers with rows that were neither used nor judged by a gate; columns and cells only of
-/// what there was.
+/// The consumers with rows that were neither used nor judged by a gate. Empty columns and cells are left out.
 fn left_out(consumers: &[ConsumerCounts]) -> Table {
-    /// Used, rejected, unusable stand with the sensors; what was not needed is no loss.
+    /// Used, rejected and unusable rows are shown with the sensors; rows that were not needed are not a loss.
     const JUDGED: usize = 4;
     let titles = ConsumerCounts::default()
         .outcomes()
@@ -392,13 +391,13 @@ fn innovations_of(sensors: &[SensorStatistics]) -> Section {
     section.note(POWER)
 }
 
-/// What a column of the innovations means.
+/// The meaning of the lag column of the innovations.
 const LAG: &str = "Lag 1: how much each innovation is correlated with the next one; 0 where errors are white, near 1 where they last.";
 
-/// What the last column of the innovations means.
+/// The meaning of the last column of the innovations.
 const POWER: &str = "Refused from: the smallest error of that row alone that the gate would have refused, by the median.";
 
-/// RMS, maximum and correlation per row; where a gate refuses anything, beside them what it would refuse.
+/// RMS, maximum and correlation per row; with a gate, also the error that the gate would reject.
 fn innovations(sensors: &[SensorStatistics]) -> Table {
     let is_gated = sensors.iter().flat_map(|s| &s.gate_power).any(|power| power.is_finite());
     let power = is_gated.then(|| Column::number("refused from"));
@@ -427,7 +426,7 @@ fn innovations(sensors: &[SensorStatistics]) -> Table {
     t
 }
 
-/// The NEES of a score, each with its name; `path` stands for the space in it.
+/// The NEES of a score, each with its name; `path` replaces the space in the name.
 fn nees(score: &Score, path: String) -> impl Iterator<Item = (String, &Consistency)> {
     let all = [NEES[0], "NEES height", NEES[1], NEES[2]].into_iter().zip([
         &score.nees_position,
@@ -509,7 +508,7 @@ fn errors(score: &Score) -> Section {
     }
 }
 
-/// What of the way travelled the horizontal error is, as a sentence.
+/// The horizontal error as a share of the distance travelled, as a sentence.
 fn share(score: &Score) -> Option<String> {
     score.travelled.map(|t| {
         format!(
@@ -595,7 +594,7 @@ fn mounting(score: &Score) -> Option<Table> {
     Some(t)
 }
 
-/// Drift per outage; beside it that of smoothed estimates over the same epochs.
+/// Drift per outage, and next to it the drift of smoothed estimates over the same epochs.
 fn drift(score: &Score, smoothed: Option<&Score>) -> Section {
     let (seconds, metres) = (|| Unit::of_si("s"), || Unit::of_si("m"));
     let beside = |title: &str| smoothed.map(|_| Column::with_unit(title, metres()));

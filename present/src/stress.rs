@@ -119,8 +119,8 @@ fn outcomes<'a>(rows: impl Iterator<Item = &'a Row>) -> Table {
     t
 }
 
-/// The verdict; of a filter that failed with how long \[s\] it was wrong while its health was good, whatever
-/// it said later, and whatever it was in the end.
+/// The verdict. For a failed filter it also has the time \[s\] for which the filter was wrong while its health was
+/// good, independent of its later health and errors.
 fn judged(verdict: Verdict, unsaid: f64) -> Cell {
     let word = verdict.word();
     if verdict == Verdict::Failed && unsaid > 0.0 {

@@ -5,7 +5,7 @@ use fusion::score::{Score, Spread, Trajectory};
 use fusion_tables::Unit;
 use fusion_tables::{Cell, Column, Section, Table};
 
-/// What ATE and RPE are, and which poses they are of.
+/// The definitions of ATE and RPE, and the poses that they compare.
 const NOTE: &str = "ATE: distance to the reference after alignment. RPE: error of the way and of the turn from one pose to another that far \
                     along. Both as evo_ape and evo_rpe compute them.";
 

@@ -15,36 +15,36 @@ use std::path::{Path, PathBuf};
 pub(super) struct AllanArgs {
     /// A design (.toml) whose sources declare the inertial channels, or a table of columns (.csv, .csv.gz).
     log: PathBuf,
-    /// Of a design: the only source to read.
+    /// Reads only this source of a design.
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
-    /// Of a design: where relative source paths start, instead of at its `data_dir`.
+    /// The folder where relative source paths of a design start, instead of its `data_dir`.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Of a table: its samples per time, e.g. "100 Hz": every row is one sample. Without it the stamps of the table are
-    /// read: of the column that is called `t`, `time` or `timestamp`.
+    /// The sample rate of a table without stamps, e.g. "100 Hz": every row is one sample. Without this option, the
+    /// stamps are read from the column `t`, `time` or `timestamp`.
     #[arg(long, value_name = "RATE")]
     rate: Option<String>,
-    /// Of a table: the columns of the gyros, x, y, z.
+    /// The gyro columns of a table, x, y, z.
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 1)]
     gyro: Vec<String>,
-    /// Of a table: the unit of its gyros, with a factor if need be: "0.05 deg/s".
+    /// The unit of the gyros of a table, with a factor if necessary: "0.05 deg/s".
     #[arg(long, value_name = "UNIT", default_value = "rad/s")]
     gyro_unit: String,
-    /// Of a table: the columns of the accelerometers, x, y, z.
+    /// The accelerometer columns of a table, x, y, z.
     #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 1)]
     accelerometer: Vec<String>,
-    /// Of a table: the unit of its accelerometers, with a factor if need be: "3.33 mg".
+    /// The unit of the accelerometers of a table, with a factor if necessary: "3.33 mg".
     #[arg(long, value_name = "UNIT", default_value = "m/s^2")]
     accelerometer_unit: String,
-    /// Leaves samples before out, such as a warming-up: seconds from the log's first sample, `@` and a stamp in seconds, or
-    /// of a log with a calendar a date and time, `2025-07-08T19:34:18Z`.
+    /// Leaves out the samples before this time, such as a warm-up. The time is seconds from the log's first sample, `@`
+    /// and a stamp in seconds, or, for a log with a calendar, a date and time, `2025-07-08T19:34:18Z`.
     #[arg(long, value_name = "TIME", value_parser = moment)]
     from: Option<Moment>,
-    /// Leaves this sample and those after it out, such as the way home: a time as for `--from`.
+    /// Leaves out the samples from this time on, such as the way home: a time as for `--from`.
     #[arg(long, value_name = "TIME", value_parser = moment)]
     to: Option<Moment>,
-    /// Writes allan.svg, allan.csv and noise.toml here; the folder is made if need be.
+    /// Writes allan.svg, allan.csv and noise.toml here; creates the folder if necessary.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -95,7 +95,7 @@ pub(super) fn allan(args: &AllanArgs) -> Result<(), Failure> {
             .push(written(["allan.svg", "allan.csv", "noise.toml"].map(|f| out.join(f))));
     }
     match args.output.format {
-        // Not among the tables: a line that is wrapped could not be pasted.
+        // Not in the tables: a wrapped line could not be pasted.
         Format::Text => {
             args.output.print(&page)?;
             print(&format!("\n# For a design:\n{}", toml(&studies)))
@@ -164,7 +164,7 @@ fn of_table(args: &AllanArgs) -> Result<Vec<Log>, Diagnostics> {
     }
 }
 
-/// SI per number of what an option says: a unit, or a number with a unit.
+/// SI value of a unit, or of a number with a unit, in an option.
 fn factor(option: &str, text: &str, wanted: Dimension, example: &str) -> Result<f64, Diagnostic> {
     let refused =
         |why: String| Err(Diagnostic::error(format!("`{option}`: {why}")).help(format!("{} is expected, e.g. {example:?}", wanted.kind())));

@@ -11,12 +11,12 @@ use fusion_tables::text::{WIDTH, wrapped};
 use fusion_tables::{Page, Section, Table};
 use serde_json::Value;
 
-/// How a parameter that may be a state is marked.
+/// The mark of a parameter that may be a state.
 const ESTIMATED: &str = "fixed or estimated";
 
 #[derive(Debug, Args)]
 pub(super) struct BlocksArgs {
-    /// The `type` of a block, or a table of a design such as `reference`; without one, all blocks are listed.
+    /// The `type` of a block, or a table of a design such as `reference`; without a name, all blocks are listed.
     name: Option<String>,
     #[command(flatten)]
     output: OutputArgs,
@@ -30,7 +30,7 @@ pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
     }
 }
 
-/// The first sentence or line of what a block says of itself.
+/// The first sentence or line of a block's description.
 fn headline(description: &str) -> String {
     let text = description.split("\n\n").next().unwrap_or_default().replace('\n', " ");
     match text.find(". ") {
@@ -65,7 +65,7 @@ fn list() -> Page {
     }
 }
 
-/// Where in a design a block of this role stands.
+/// The place of a block of this role in a design.
 fn place(role: Role, name: &str) -> String {
     match role {
         Role::Process => "[process]".to_owned(),
@@ -106,12 +106,12 @@ fn describe(name: &str) -> Result<String, Failure> {
 
 /// The blocks with this word in their description, each with its role.
 fn speaking_of(word: &str) -> Vec<String> {
-    /// Shorter ones are in every text.
+    /// Shorter words are in every text.
     const SHORTEST: usize = 3;
     let word = word.to_lowercase();
     let has_it = |r: &&Registration| {
         let text = fusion::schema::block(r)["description"].as_str().unwrap_or_default().to_lowercase();
-        // From its beginning on: "spoof" is in "spoofed", "range" not in "arrange".
+        // Words match from their beginning: "spoof" is in "spoofed", "range" is not in "arrange".
         text.split(|c: char| !c.is_alphanumeric()).any(|known| known.starts_with(&word))
     };
     let found = registry::all().into_iter().filter(has_it);
@@ -178,7 +178,7 @@ fn paragraphs(text: &str) -> String {
     indented(&lines)
 }
 
-/// Line breaks of the source text taken out; paragraphs stay.
+/// Removes the line breaks of the source text; paragraphs are kept.
 fn unbroken(text: &str) -> String {
     text.split("\n\n")
         .map(|paragraph| paragraph.replace('\n', " "))
@@ -192,13 +192,13 @@ fn resolved<'a>(schema: &'a Value, root: &'a Value) -> &'a Value {
     target.unwrap_or(schema)
 }
 
-/// A line per field with what may be written, then what it means.
+/// Adds a line per field with its type, followed by its meaning.
 fn add_fields(text: &mut String, schema: &Value, root: &Value, depth: usize) {
     let Some(properties) = schema["properties"].as_object() else {
         return;
     };
     let required = |name: &str| schema["required"].as_array().is_some_and(|r| r.iter().any(|f| f == name));
-    // The required ones first, as they have to be written.
+    // The required fields first, as they must be written.
     let (first, then): (Vec<_>, Vec<_>) = properties.iter().partition(|(name, _)| required(name));
     for (name, field) in first.into_iter().chain(then) {
         let target = resolved(field, root);
@@ -221,7 +221,7 @@ fn add_fields(text: &mut String, schema: &Value, root: &Value, depth: usize) {
         let choice = target["anyOf"]
             .as_array()
             .and_then(|any| any.iter().map(|c| resolved(c, root)).find(is_table));
-        // A table of keys says of others that they are unknown; one of names says what each may be, as an array does.
+        // A table of keys rejects unknown keys; a table of names, like an array, gives the schema of each entry.
         let is_keyed = |schema: &&Value| schema["properties"].is_object();
         let each = || items.or_else(|| target.get("items")).map(|items| resolved(items, root));
         let keyed = || Some(target).filter(is_keyed).or_else(|| each().filter(is_keyed));
@@ -240,7 +240,7 @@ fn default_of(field: &Value) -> Option<String> {
     }
 }
 
-/// What may be written where there is a choice.
+/// The allowed values of a choice.
 fn one_of(choices: &[Value], root: &Value) -> String {
     if let [fixed, table] = choices {
         if table["properties"]["estimate"].is_object() {
@@ -262,7 +262,7 @@ fn one_of(choices: &[Value], root: &Value) -> String {
     words.join(" | ")
 }
 
-/// What may be written, in a few words.
+/// The allowed values, in a few words.
 fn type_of(schema: &Value, root: &Value) -> String {
     let schema = resolved(schema, root);
     if let Some(text) = schema["const"].as_str() {
@@ -310,7 +310,7 @@ fn type_of(schema: &Value, root: &Value) -> String {
         .map_or_else(|| "any".to_owned(), |(_, word)| word.to_owned())
 }
 
-/// The registered example as it stands in a design.
+/// The registered example in the form of a design.
 fn example(r: &Registration) -> String {
     let fields = r.example.trim();
     let inline = || fields.lines().map(str::trim).collect::<Vec<_>>().join(", ");
@@ -357,7 +357,7 @@ fn indented(text: &str) -> String {
         .collect()
 }
 
-/// The source that drives a process; none of one that time alone drives.
+/// The source that drives a process; `None` if only time drives it.
 fn input(r: &Registration) -> Option<&'static str> {
     let channels = r.spec::<Box<dyn ProcessSpec>>().ok()?.input();
     let is = |wanted: &Channel| channels.iter().any(|c| c.name == wanted.name);
@@ -370,7 +370,7 @@ fn input(r: &Registration) -> Option<&'static str> {
     }
 }
 
-/// A sensor with a source that suits it, and a noise in its units. What has no rows of its own comes with the stage that
+/// A sensor with a suitable source, and a noise in its units. A sensor without its own rows comes with the stage that
 /// times it.
 fn sensor(r: &Registration) -> String {
     let spec = r.spec::<Box<dyn SensorSpec>>().ok();
@@ -383,7 +383,7 @@ fn sensor(r: &Registration) -> String {
         Some(stage) => (clock(stage), "timing"),
         None if reads(&channel::SPECIFIC_FORCE) || reads(&channel::ANGULAR_RATE) => (String::new(), "imu"),
         None => {
-            // One receiver has both; all others are named as what they are.
+            // One receiver has both; all others are named by their type.
             let family = ["gnss", "usbl"].into_iter().find(|family| r.name.starts_with(family));
             (String::new(), family.unwrap_or(r.name))
         }
@@ -402,7 +402,7 @@ fn sensor(r: &Registration) -> String {
     )
 }
 
-/// The stage that times a sensor, of the inertial unit alone.
+/// The stage that times a sensor, with the inertial unit alone.
 fn clock(stage: &str) -> String {
     let all = registry::all();
     let example = all
@@ -413,7 +413,7 @@ fn clock(stage: &str) -> String {
     format!("[stage.timing]\ntype = {stage:?}\n{}\n\n", own.join("\n"))
 }
 
-/// A 1σ as it is written; in SI where nothing is usual.
+/// An example of a 1σ; in SI if there is no usual value.
 fn usual(of: Dimension) -> String {
     let known = [
         (dim::Length::KIND, "0.5 m"),

@@ -1,10 +1,10 @@
-//! Designs inside the program: what is run where no file is named, with the parts it includes.
+//! Built-in designs: the design that runs if no file is given, with its parts.
 
 use fusion::config::Files;
 
-/// The design that is run where no file is named.
+/// The design that runs if no file is given.
 pub(super) const DESIGN: &str = include_str!("../../configs/ins-gps-outlier.toml");
-/// What it is called.
+/// Its name.
 pub(super) const NAME: &str = "ins-gps-outlier.toml (built in)";
 
 macro_rules! parts {
@@ -16,7 +16,7 @@ macro_rules! parts {
 /// Every part under configs/parts/, by its path from configs/.
 pub(super) const PARTS: Files = Files::Embedded(FILES);
 
-/// The same, as data.
+/// The same parts, as data.
 pub(super) const FILES: &[(&str, &str)] = parts! {
     "parts/barometer/bmp280.toml"
     "parts/compass/tcm.toml"

@@ -1,4 +1,4 @@
-//! `fusion check`: what a design resolves to.
+//! `fusion check`: the resolved form of a design.
 
 use super::progress::Trials;
 use super::{DesignArgs, Failure, OutputArgs, builtin, print, report};
@@ -23,8 +23,8 @@ pub(super) struct CheckArgs {
     design: DesignArgs,
     #[command(flatten)]
     output: OutputArgs,
-    /// Prints the design as one flat TOML file instead: parts, variants and `--set` laid together,
-    /// each value with the file and line that it comes from.
+    /// Prints the design as one flat TOML file instead: merges parts, variants and `--set`, and shows for each value
+    /// its file and line.
     #[arg(long)]
     resolved: bool,
 }
@@ -98,7 +98,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Why the frames of recorded data are not judged; `None` where they are, and where there are none.
+/// Why the frames of recorded data are not checked; `None` if they are checked, and if there are no recorded data.
 fn unjudged(design: &Design, has_data: bool, options: &Options) -> Option<String> {
     if design.simulation.is_some() || design.sources.is_empty() {
         return None;
@@ -121,7 +121,8 @@ fn unjudged(design: &Design, has_data: bool, options: &Options) -> Option<String
     Some(format!("not judged: `{}` {why}", unread.display()))
 }
 
-/// When each segment of the simulated trajectory begins and ends; of a controlled vehicle only its run tells.
+/// The beginning and end of each segment of the simulated trajectory. Empty for a controlled vehicle: only its run
+/// gives the times.
 fn trajectory(design: &Design) -> Table {
     let second = || Unit::of_si("s");
     let mut t = Table::new([
@@ -133,7 +134,7 @@ fn trajectory(design: &Design) -> Table {
     let Some(simulation) = design.simulation.as_ref().filter(|s| s.node.get("vehicle").is_none()) else {
         return t;
     };
-    // What is wrong with it has been told.
+    // Its mistakes were reported before.
     let Ok(trajectory) = simulation.block.world.trajectory() else {
         return t;
     };
@@ -151,7 +152,7 @@ fn trajectory(design: &Design) -> Table {
     t
 }
 
-/// What was compared with what, and what came of it.
+/// The comparisons of channels, and their results.
 fn frames(judged: &Judged) -> Table {
     let [what, with, verdict] = words(["declared", "compared with", "the data say"]);
     let mut t = Table::new([what, with, Column::number("samples"), Column::text("correlation"), verdict]);
@@ -223,7 +224,7 @@ fn type_of(node: &Node) -> &str {
     node.as_str().or_else(|| node.get("type")?.as_str()).unwrap_or("?")
 }
 
-/// A declaration in a line: its type, then its fields as written.
+/// A declaration in one line: its type, then its fields as written.
 fn inline(node: &Node) -> String {
     let fields = node
         .entries()
@@ -331,7 +332,7 @@ fn sensors(design: &Design, assembly: &Assembly) -> Table {
     t
 }
 
-/// 1σ per row; of rows alike in one unit.
+/// 1σ per row; equal rows share one unit.
 fn listed(sigma: &[f64], rows: &[Dimension]) -> String {
     let unit = |d: &Dimension| Unit::of_si(d.kind().symbol);
     match rows {
@@ -398,7 +399,7 @@ fn stages(design: &Design, assembly: &Assembly) -> Table {
     t
 }
 
-/// The filters inside stages: their states, and what their sensors read.
+/// The filters inside stages: their states, and the rows that their sensors read.
 fn add_filters(t: &mut Table, around: &str, filters: &[Inside]) {
     for filter in filters {
         let name = format!("{around}{}", filter.name);

@@ -20,15 +20,15 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub(super) struct CompareArgs {
-    /// The designs; without one, the built-in one.
+    /// The designs; without a file, the built-in design.
     configs: Vec<PathBuf>,
-    /// Variants of each design to run, by commas; `base` is the design as it stands, `A+B` lays B
-    /// over A.
+    /// Variants of each design to run, separated by commas. `base` is the design without a variant, `A+B` applies B
+    /// after A.
     #[arg(long, value_name = "A,B,C", value_delimiter = ',', default_value = BASE, hide_default_value = true)]
     variant: Vec<String>,
-    /// Backends to run each variant with, by commas, each in place of the table [filter]: `ekf`,
-    /// `error_state`, `iekf`, `invariant`, `ukf`, or any chart, update and form, as in
-    /// `invariant+iterated` or `left_invariant+unscented+joseph`.
+    /// Backends to run each variant with, separated by commas, each in place of the table [filter]: `ekf`,
+    /// `error_state`, `iekf`, `invariant`, `ukf`, or any chart, update and form, as in `invariant+iterated` or
+    /// `left_invariant+unscented+joseph`.
     #[arg(long, value_name = "A,B,C", value_delimiter = ',')]
     backend: Vec<String>,
     /// Replaces one value in every run, after the variant.
@@ -37,26 +37,25 @@ pub(super) struct CompareArgs {
     /// Where relative source paths start, instead of at the design's `data_dir`.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Writes report.html with all runs here; the folder is made if need be. Not with `-n`.
+    /// Writes report.html with all runs here; creates the folder if necessary. Not with `-n`.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Seed of simulated data and random faults, the same for every run; with `-n` that of the
-    /// campaigns, 1 without it.
+    /// Seed of simulated data and random faults, the same for every run. With `-n`, the seed of the campaigns, 1 by
+    /// default.
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
-    /// Smooths every run by all its data, in memory, and shows smoothed estimates beside the others.
+    /// Smooths every run by all its data, in memory, and shows smoothed estimates next to the others.
     #[arg(long)]
     smooth: bool,
-    /// Runs each N times, each time with another seed but the same ones for all, and compares the
-    /// figures of all runs together. Not with `--out` or `--smooth`: `fusion montecarlo --out` writes
-    /// the page of one variant.
+    /// Runs each N times and compares the figures of all runs together. Each time has another seed, but the same seeds
+    /// for all. Not with `--out` or `--smooth`: `fusion montecarlo --out` writes the page of one variant.
     #[arg(short, alias = "n", value_name = "N", conflicts_with_all = ["out", "smooth"], value_parser = clap::value_parser!(u64).range(1..))]
     n: Option<u64>,
     #[command(flatten)]
     output: OutputArgs,
 }
 
-/// Each variant with each backend, or with its own where none is named.
+/// Each variant with each backend, or with the design's backend if no backend is given.
 fn pairs<'a>(variants: &'a [String], backends: &'a [String]) -> impl Iterator<Item = (&'a String, Option<&'a String>)> {
     let of = move |variant| {
         let own = backends.is_empty().then_some(None);
@@ -73,7 +72,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     } else {
         args.configs.iter().cloned().map(Some).collect()
     };
-    // What cannot be written is told before the runs.
+    // Reports files that cannot be written before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let (mut results, mut recordings, mut title) = (Vec::<(String, Summary)>::new(), Vec::new(), String::new());
     let mut campaigns = Vec::<(String, Campaign)>::new();
@@ -156,7 +155,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     args.output.print(&page)
 }
 
-/// A sentence for each run that is not judged by the reference of the first.
+/// A sentence for each run that is judged by another reference than the first run.
 fn other_references<'a>(names: impl Iterator<Item = &'a String>, designs: &[Design]) -> Vec<String> {
     let of = |(name, design): (&String, &Design)| {
         let differ = differences(designs.first()?, design);

@@ -1,9 +1,8 @@
-//! The command line: what is asked for, where it is read from, what is printed where.
+//! The command line: options, input files and output.
 //!
-//! Results go to stdout, everything else to stderr: diagnostics, progress, and only on a terminal
-//! colour. Exit codes: 0 done, 1 standard output could not be written, 2 a mistake in the command
-//! line, the design, the data or the folder to write to, 3 (with `run --strict`) a filter in ill
-//! health, 130 and 143 stopped by SIGINT or SIGTERM.
+//! Results go to stdout. Diagnostics and progress go to stderr, in colour on a terminal only. Exit codes: 0 success; 1
+//! standard output could not be written; 2 a mistake in the command line, the design, the data or the output folder; 3
+//! (with `run --strict`) a filter in bad health; 130 and 143 stopped by SIGINT or SIGTERM.
 
 mod allan;
 mod blocks;
@@ -76,17 +75,17 @@ Examples:
   fusion run drive.toml --out results --resume saved    goes on after a crash or a kill
   fusion run drive.toml --strict                 exit code 3 unless the filter was in good health")]
     Run(run::RunArgs),
-    /// Check a design and show what it resolves to, without running it.
+    /// Check a design and show its resolved form, without running it.
     ///
     /// Shows the state layout, sensors, stages, initialisers, sources and faults. The exit code is
     /// 2 if the design has a mistake, or an existing data file does not fit it. A missing data file
     /// is shown as `not found` and is not a mistake. All variants of the file are checked, the
-    /// unselected ones each for itself. All mistakes are reported in one run.
+    /// unselected variants separately. All mistakes are reported in one run.
     ///
-    /// With `--data` the recorded data are read, and channels that tell of the same motion are compared:
-    /// velocity with position, angular rate and specific force with velocity and attitude, heading with
-    /// course, and lever arms with what this filter estimates in their place. An axis, a sign or a unit
-    /// that the data clearly contradict is a warning, with what to write instead.
+    /// With `--data` the recorded data are read, and channels of the same motion are compared:
+    /// velocity with position, angular rate and specific force with velocity and attitude, and heading
+    /// with course. Lever arms are compared with the estimates of this filter. If the data clearly
+    /// contradict an axis, a sign or a unit, a warning says what to write instead.
     #[command(after_long_help = "\
 Examples:
   fusion check drive.toml
@@ -100,10 +99,10 @@ Examples:
   fusion blocks                  every block by role, a line each
   fusion blocks gnss_position    its fields, their units and defaults, and an example")]
     Blocks(blocks::BlocksArgs),
-    /// Write a design to begin with: commented, on the parts of the library, ready to run in simulation.
+    /// Write a first design: commented, made of parts of the library, ready to run in simulation.
     ///
-    /// Writes NAME.toml, and the parts that it includes in the folder `parts` beside it. Nothing that is
-    /// there is overwritten.
+    /// Writes NAME.toml, and the parts that it includes to the folder `parts` next to it. Existing
+    /// files are not overwritten.
     #[command(after_long_help = "\
 Examples:
   fusion new --list                 the vehicles and parts that there are
@@ -119,14 +118,15 @@ Examples:
   fusion compare drive.toml --variant base,outages --set filter.backend=ekf
   fusion compare drive.toml --backend ekf,error_state,iekf,invariant,invariant+iterated,ukf")]
     Compare(compare::CompareArgs),
-    /// Look at logs that nobody has described: columns, units, rates, gaps, an inertial unit and how it sits
-    /// in its vehicle; and write a first design.
+    /// Look at unknown logs: columns, units, rates, gaps, an inertial unit and its mounting in the
+    /// vehicle; and write a first design.
     ///
-    /// Prints, with the reason of each guess: columns of time and of the quantities that a filter can use,
-    /// their units, gaps, repeated and empty rows; which axis of the accelerometers points up; what they
-    /// and the gyros read at rest; whether gyros and course agree, how late the positions are, which axis
-    /// is ahead. In the design that `--write` makes, a comment says of every guess why. Compare it with
-    /// what you know of your instruments: a guess is not a measurement.
+    /// Shows the reason of each guess. It finds columns of time and of the quantities that a filter can use,
+    /// their units, gaps, repeated and empty rows. For an inertial unit it shows which axis of the
+    /// accelerometers points up, which axis points ahead, and what accelerometers and gyros read at rest.
+    /// It checks whether gyros and course agree, and how late the positions are. The design that `--write`
+    /// makes explains every guess in a comment. Compare the guesses with the data sheets of your
+    /// instruments: a guess is not a measurement.
     #[command(after_long_help = "\
 Examples:
   fusion inspect ~/logs/drive-3                          every .csv, .csv.gz and .txt of the folder
@@ -135,8 +135,8 @@ Examples:
     Inspect(inspect::InspectArgs),
     /// Run a design many times with independent seeds: spread of the errors, NEES and NIS.
     ///
-    /// Runs in parallel. The seed of a run depends only on the seed of the campaign and the number
-    /// of the run, so runs.csv is the same for any number of threads.
+    /// Runs in parallel. The seed of a run depends only on the seed of the campaign and on the number
+    /// of the run. So runs.csv is the same for any number of threads.
     ///
     /// Counts are sums over the runs. `longest streak` is the largest number of measurements rejected
     /// in a row in any run, `lasting` the longest time of such a streak. `end denied` counts the runs
@@ -150,17 +150,17 @@ Examples:
     )]
     Montecarlo(montecarlo::MonteCarloArgs),
     /// Run a design under a catalogue of faults, one at a time and in random pairs: does it survive,
-    /// and does it say so.
+    /// and does it report its failures.
     ///
     /// First the design runs undisturbed. Then each fault of the catalogue is applied to each stream or
-    /// channel that it fits, at one moment in motion, to recorded data as to simulated data. A case
-    /// fails, and the exit code is 3, if the estimate is wrong beyond 3σ, or there is none, for longer
-    /// than its recovery time while the health of the filter is good.
+    /// channel that it fits, at one moment in motion, to recorded and simulated data alike. A case
+    /// fails if the estimate is wrong beyond 3σ, or missing, for longer than its recovery time while the
+    /// health of the filter is good. The exit code is then 3.
     ///
-    /// `--draw N` draws N cases instead: from one to three faults at once, of any kind, size and moment, that end early
-    /// enough to recover. It counts the cases that recovered, and those in which the health was wrong. The exit code is 3
-    /// if fewer recovered, or more were falsely good, than [stress.draw] allows. A case is a function of the seed and of
-    /// its number: `--case 17` runs one alone.
+    /// `--draw N` draws N cases instead: from one to three faults at once, of any kind, size and moment,
+    /// that end early enough to recover. It counts the cases that recovered, and those in which the health
+    /// was wrong. The exit code is 3 if fewer recovered, or more were falsely good, than [stress.draw]
+    /// allows. A case is a function of the seed and of its number: `--case 17` runs this case alone.
     ///
     /// The table [stress] of a design changes the catalogue: `[stress] at = "600 s"`,
     /// `[stress.fault.spike] size.value = 50`, `[stress.fault.ramp] enabled = false`.
@@ -175,7 +175,7 @@ Examples:
     /// Find the noises of an inertial unit from a log at rest: Allan deviation, N, B and K per axis.
     ///
     /// The overlapping Allan deviation of each axis is fitted by white noise N, bias instability B and
-    /// random walk K of the bias, by weighted least squares. The TOML that is printed goes into a design.
+    /// random walk K of the bias, with weighted least squares. Copy the printed TOML into a design.
     #[command(after_long_help = "\
 Examples:
   fusion allan rest.toml --data ~/logs/rest          the inertial channels that the design's sources declare
@@ -184,8 +184,9 @@ Examples:
     Allan(allan::AllanArgs),
     /// Write the simulated world of a design as a log: a CSV file for each stream, and a design that reads them.
     ///
-    /// The filter over the log does what it does in simulation, up to its start: with `draw_start` the simulated
-    /// filter starts at a draw about the truth. Faults of the simulated streams are in the log.
+    /// With this log the filter gives the same results as in simulation, except for its start. With
+    /// `draw_start` the simulated filter starts at a random draw around the truth. Faults of the simulated
+    /// streams are in the log.
     #[command(after_long_help = "\
 Examples:
   fusion record configs/ins-gps.toml --out log
@@ -204,7 +205,7 @@ Then name it in the first line of a design:
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 enum Format {
-    /// Tables to read.
+    /// Tables for people.
     #[default]
     Text,
     /// The same tables as JSON, numbers in full precision.
@@ -227,7 +228,7 @@ struct OutputArgs {
 }
 
 impl OutputArgs {
-    /// Writes a result to stdout, and what must not be overlooked of it to stderr.
+    /// Writes a result to stdout, and its important warnings to stderr.
     fn print(&self, page: &Page) -> Result<(), Failure> {
         match self.format {
             Format::Text => print(&text::page(page, width())),
@@ -240,7 +241,7 @@ impl OutputArgs {
     }
 }
 
-/// Characters in a line of stdout.
+/// The number of characters in a line of stdout.
 fn width() -> usize {
     /// Narrower lines leave no room for words and numbers; wider lines are hard to follow.
     const RANGE: (usize, usize) = (60, 140);
@@ -251,12 +252,12 @@ fn width() -> usize {
     found.map_or(text::WIDTH, |(terminal_size::Width(w), _)| usize::from(w).clamp(RANGE.0, RANGE.1))
 }
 
-/// Which design.
+/// The selected design.
 #[derive(Clone, Debug, Default, Args)]
 struct DesignArgs {
-    /// The design; without one, a built-in simulated one.
+    /// The design; without a file, a built-in simulated design.
     config: Option<PathBuf>,
-    /// Applies `[variant.NAME]` of the file; several in the order given, or as `A+B`.
+    /// Applies `[variant.NAME]` of the file; several in the given order, or as `A+B`.
     #[arg(long, value_name = "NAME")]
     variant: Vec<String>,
     /// Replaces one value, after all variants: `sensor.gnss.noise.sigma=3 m`.
@@ -272,7 +273,7 @@ struct DesignArgs {
 }
 
 impl DesignArgs {
-    /// The design. Mistakes in variants that are not asked for are warnings: they do not stop a run.
+    /// The design. Mistakes in unselected variants are warnings: they do not stop a run.
     fn read(&self) -> Result<Design, Diagnostics> {
         let file = self.load()?;
         let others = as_warnings(&variants(&file, &self.selection().names()));
@@ -307,11 +308,11 @@ impl DesignArgs {
         let (mut document, mistakes) = Document::parse(&name, &text);
         d.extend(mistakes);
         d.extend(document.compose(Path::new(&name), files));
-        // What a broken file seems to say besides its syntax errors is guesswork.
+        // After syntax errors, further mistakes of a file are guesswork.
         d.unless_errors(document)
     }
 
-    /// What is laid over the file.
+    /// The changes to the file: variants, backend and values.
     fn selection(&self) -> Selection {
         Selection {
             variants: self.variant.clone(),
@@ -320,7 +321,7 @@ impl DesignArgs {
         }
     }
 
-    /// The design that is asked for, of this file.
+    /// The selected design of this file.
     fn design(&self, file: &Document, missing: Missing) -> Result<Design, Diagnostics> {
         let (document, mut d) = self.selection().over(file);
         match examine(document, &self.options(), missing) {
@@ -350,7 +351,7 @@ impl DesignArgs {
     }
 }
 
-/// What does not stop a run.
+/// Turns mistakes into warnings, which do not stop a run.
 fn as_warnings(mistakes: &Diagnostics) -> Diagnostics {
     let mut warnings = Diagnostics::new();
     warnings.extend(mistakes.iter().cloned().map(Diagnostic::into_warning));
@@ -384,9 +385,9 @@ enum Failure {
     Mistakes(Diagnostics),
     /// stdout could not be written.
     Output(std::io::Error),
-    /// A filter was not in good health, where that was asked for.
+    /// A filter was in bad health, with `--strict`.
     Health,
-    /// The filter failed under stress, which has been told.
+    /// The filter failed under stress, which was reported before.
     Stress,
 }
 
@@ -439,7 +440,7 @@ pub fn main() -> ExitCode {
             ExitCode::from(2)
         }
         Err(Failure::Health | Failure::Stress) => ExitCode::from(3),
-        // The reader of a pipe has seen enough: `fusion schema | head`.
+        // The reader of a pipe has stopped reading: `fusion schema | head`.
         Err(Failure::Output(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(Failure::Output(e)) => {
             report(&Diagnostic::error(format!("the output cannot be written: {e}")).into());
@@ -463,6 +464,6 @@ fn report(d: &Diagnostics) {
 }
 
 fn report_line(text: &str) {
-    // Where not even stderr can be written there is nobody left to tell.
+    // If stderr cannot be written either, the message is lost.
     let _ = writeln!(std::io::stderr(), "{text}");
 }

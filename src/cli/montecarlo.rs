@@ -13,24 +13,25 @@ use fusion_present::report::{Look, Run, record, render, render_campaign, worst_f
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Runs with the largest errors whose reports are written.
+/// The number of runs with the largest errors whose reports are written.
 const WORST: usize = 3;
 
 #[derive(Debug, Args)]
 pub(super) struct MonteCarloArgs {
     #[command(flatten)]
     design: DesignArgs,
-    /// How many runs; 100 without it.
+    /// The number of runs; 100 by default.
     #[arg(short, alias = "n", value_name = "N", default_value_t = 100, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..))]
     n: u64,
-    /// Seed of the campaign, 1 without it; each run draws its own from it and from its number.
+    /// Seed of the campaign, 1 by default; the seed of each run depends on it and on the number of the run.
     #[arg(long, value_name = "S", default_value_t = 1, hide_default_value = true)]
     seed: u64,
-    /// Threads; as many as there are cores without it. The results do not depend on it.
+    /// The number of threads; by default the number of cores. The results do not depend on it.
     #[arg(long, value_name = "T", default_value_t = 0, hide_default_value = true)]
     threads: usize,
-    /// Writes here runs.csv, one row per run, montecarlo.html with the errors of all runs over time, and the reports of the
-    /// three worst, worst-1.html and so on; the folder is made if need be.
+    /// Writes runs.csv, montecarlo.html and the reports of the three worst runs here; creates the folder if necessary.
+    /// runs.csv has one row per run, montecarlo.html the errors of all runs over time; the reports are worst-1.html and
+    /// so on.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -44,7 +45,7 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
         base: args.design.base(),
         ..Options::default()
     };
-    // What cannot be written is told before the runs.
+    // Reports files that cannot be written before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let bar = Runs::new();
     let told = |done| bar.at(done as u64, args.n);
@@ -106,7 +107,7 @@ impl MonteCarloArgs {
         Ok(reports)
     }
 
-    /// The command that makes the report of a run.
+    /// The command that writes the report of a run.
     fn command(&self, row: &RunRow) -> String {
         let path = |path: &Path| quoted(&path.display().to_string());
         let mut words = vec!["fusion run".to_owned()];
@@ -120,7 +121,7 @@ impl MonteCarloArgs {
     }
 }
 
-/// A word as a shell takes it.
+/// A word with shell quotes, if it needs them.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,+:".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {

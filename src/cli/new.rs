@@ -1,4 +1,4 @@
-//! `fusion new`: a design to begin with, and the parts that it includes, as files.
+//! `fusion new`: a first design, and the parts that it includes, as files.
 
 use super::{Failure, builtin, print};
 use clap::{Args, ValueEnum};
@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What a design is made for.
+/// The kind of vehicle of a design.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Vehicle {
     /// Inertial unit, GNSS, odometer, motion constraints.
@@ -40,10 +40,10 @@ impl Vehicle {
 
 #[derive(Debug, Args)]
 pub(super) struct NewArgs {
-    /// The design to write: NAME.toml, and what it includes in the folder `parts` beside it.
+    /// The design to write: NAME.toml, and its parts in the folder `parts` next to it.
     #[arg(required_unless_present_any = ["list", "part"])]
     name: Option<PathBuf>,
-    /// What to begin with.
+    /// The vehicle of the design.
     #[arg(
         long,
         value_enum,
@@ -60,7 +60,7 @@ pub(super) struct NewArgs {
     list: bool,
 }
 
-/// Writes a design that runs in simulation at once.
+/// Writes a design that runs in simulation without changes.
 pub(super) fn new(args: &NewArgs) -> Result<(), Failure> {
     if !args.part.is_empty() {
         return add(&args.part);
@@ -86,7 +86,7 @@ pub(super) fn new(args: &NewArgs) -> Result<(), Failure> {
     print(&next_steps(&shown, &folder, absent))
 }
 
-/// Writes parts of the library, and what they include, below the current folder.
+/// Writes parts of the library, and the parts that they include, below the current folder.
 fn add(names: &[String]) -> Result<(), Failure> {
     let mut parts = BTreeMap::new();
     for name in names {
@@ -104,7 +104,7 @@ fn add(names: &[String]) -> Result<(), Failure> {
     print(&format!("To include, as in `include = [\"parts/…\"]`:\n{lines}"))
 }
 
-/// The path of a part from configs/, and how it is named in short.
+/// The path of a part from configs/, for its short name.
 fn part_path(name: &str) -> String {
     format!("parts/{name}.toml")
 }
@@ -114,7 +114,7 @@ fn part_name(path: &str) -> &str {
     path.strip_suffix(".toml").unwrap_or(path)
 }
 
-/// Writes the parts that are not there yet; how many.
+/// Writes the parts that do not exist yet; returns their number.
 fn write_parts(folder: &Path, parts: &BTreeMap<PathBuf, &'static str>) -> Result<usize, Diagnostics> {
     let absent = absent(folder, parts)?;
     for part in &absent {
@@ -123,7 +123,7 @@ fn write_parts(folder: &Path, parts: &BTreeMap<PathBuf, &'static str>) -> Result
     Ok(absent.len())
 }
 
-/// Every vehicle with what it is made of, and every part.
+/// Every vehicle with its components, and every part.
 fn list() -> String {
     let line = |vehicle: &Vehicle| {
         let value = vehicle.to_possible_value()?;
@@ -146,12 +146,13 @@ fn list() -> String {
     )
 }
 
-/// The template as it reads at the place where it is written.
+/// The template with the paths of the place where it is written.
 fn design(vehicle: Vehicle, name: &str) -> String {
     vehicle.template().replace("\"../parts/", "\"parts/").replace("NAME.toml", name)
 }
 
-/// The parts that a text at `folder` includes, and those that these include: their paths from configs/ with their texts.
+/// The parts that a text at `folder` includes, directly or through other parts: their paths from configs/ with their
+/// texts.
 fn collect(folder: &Path, text: &str, parts: &mut BTreeMap<PathBuf, &'static str>) {
     let document = Document::parse("", text).0;
     let Some(Value::Array(paths)) = document.root().get("include").map(|list| list.value()) else {
@@ -168,7 +169,7 @@ fn collect(folder: &Path, text: &str, parts: &mut BTreeMap<PathBuf, &'static str
     }
 }
 
-/// The parts that are not there yet; one that is there has to be the same.
+/// The parts that do not exist yet; an existing part must be the same.
 fn absent(folder: &Path, parts: &BTreeMap<PathBuf, &'static str>) -> Result<Vec<PathBuf>, Diagnostics> {
     let (mut absent, mut d) = (Vec::new(), Diagnostics::new());
     for (part, text) in parts {
@@ -184,7 +185,7 @@ fn absent(folder: &Path, parts: &BTreeMap<PathBuf, &'static str>) -> Result<Vec<
     d.unless_errors(absent)
 }
 
-/// Writes a file that is not there yet, and the folders that it lies in.
+/// Writes a new file, and the folders around it.
 fn write(path: &Path, text: &str) -> Result<(), Diagnostics> {
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
     folder

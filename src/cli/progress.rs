@@ -1,4 +1,4 @@
-//! How far a run is, or many runs are: a bar on a terminal, nothing in a pipe.
+//! Progress of one run or of many runs: a bar on a terminal, nothing in a pipe.
 
 use fusion::core::time::Time;
 use fusion::design::Design;
@@ -7,19 +7,19 @@ use fusion_advice::frames::Step;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 
-/// Parts of a bar by which the share that has been read is drawn.
+/// The resolution of a bar.
 const PARTS: u64 = 1000;
 
 #[derive(Debug)]
 pub(super) struct Progress {
     bar: ProgressBar,
-    /// How long simulated data are; of recorded data the share is told.
+    /// The length of simulated data; for recorded data the reader reports the share.
     seconds: Option<f64>,
     first: Option<Time>,
 }
 
 impl Progress {
-    /// A bar with the time that is left where the end is known, the time of the log where it is not.
+    /// A bar with the remaining time if the end is known, otherwise with the time of the log.
     pub(super) fn new(design: &Design) -> Self {
         let simulated = design.simulation.as_ref().and_then(|s| s.block.world.duration().ok());
         let bar = if std::io::stderr().is_terminal() {
@@ -35,7 +35,7 @@ impl Progress {
         }
     }
 
-    /// The run has come to there.
+    /// The run has reached this point.
     pub(super) fn at(&mut self, to: run::Progress) {
         let first = *self.first.get_or_insert(to.time);
         let seconds = to.time.seconds_since(first).max(0.0);
@@ -52,18 +52,18 @@ impl Progress {
         }
     }
 
-    /// The run is over, and the line is free.
+    /// The run has ended: clears the line.
     pub(super) fn finish(self) {
         self.bar.finish_and_clear();
     }
 }
 
-/// How far many runs are.
+/// Progress of many runs.
 #[derive(Debug)]
 pub(super) struct Runs(ProgressBar);
 
 impl Runs {
-    /// A bar with the time that is left.
+    /// A bar with the remaining time.
     pub(super) fn new() -> Self {
         if !std::io::stderr().is_terminal() {
             return Self(ProgressBar::hidden());
@@ -72,21 +72,21 @@ impl Runs {
         Self(bar.with_style(style("{bar:40} {pos} of {len} runs, {eta} left")))
     }
 
-    /// So many of all have been done.
+    /// The number of finished runs, of all runs.
     pub(super) fn at(&self, done: u64, all: u64) {
         self.0.set_length(all);
         self.0.set_position(done);
     }
 }
 
-/// The runs are over, and the line is free.
+/// The runs have ended: clears the line.
 impl Drop for Runs {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }
 }
 
-/// What is being tried, and how many runs of how many are done.
+/// The current trial, and its number of finished runs.
 #[derive(Debug)]
 pub(super) struct Trials(ProgressBar);
 
@@ -99,10 +99,10 @@ impl Trials {
         Self(bar.with_style(style("{bar:20} {pos} of {len} runs, {elapsed} elapsed: {msg}")))
     }
 
-    /// It has come to there.
+    /// The trials have reached this step.
     pub(super) fn at(&self, step: Step<'_>) {
         self.0.set_message(step.what.to_owned());
-        // At once: a step may have fewer runs than were done of the one before.
+        // Together: a step may have fewer runs than the previous step had finished.
         self.0.update(|state| {
             state.set_len(step.all as u64);
             state.set_pos(step.done as u64);
@@ -110,7 +110,7 @@ impl Trials {
     }
 }
 
-/// All has been tried, and the line is free.
+/// The trials have ended: clears the line.
 impl Drop for Trials {
     fn drop(&mut self) {
         self.0.finish_and_clear();

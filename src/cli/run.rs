@@ -18,36 +18,34 @@ use std::time::Duration;
 pub(super) struct RunArgs {
     #[command(flatten)]
     design: DesignArgs,
-    /// Writes estimates.csv, updates.csv, summary.json and report.html here; the folder is made if
-    /// need be.
+    /// Writes estimates.csv, updates.csv, summary.json and report.html here; creates the folder if necessary.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Seed of simulated data and random faults, instead of the design's.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// What computes, instead of the best that the processor has: `portable` gives the same figures on
-    /// every machine, to the last digit of sin and exp.
+    /// The arithmetic kernel, instead of the best that the processor has. `portable` gives the same figures on every
+    /// machine, to the last digit of sin and exp.
     #[arg(long, value_name = "NAME", value_parser = kernel)]
     kernel: Option<Kernel>,
-    /// Smooths the estimates by all data of the log, and scores them too; with `--out` writes
-    /// smoothed.csv, with the columns and epochs of estimates.csv. Until the end of the log the filter's
-    /// steps are kept on `disk`, in `--out`, or in `memory`; by default on disk where there is
-    /// an `--out`.
+    /// Smooths the estimates by all data of the log, and scores them too. With `--out` it writes smoothed.csv, with the
+    /// columns and epochs of estimates.csv. Until the end of the log the filter's steps are kept in `memory`, or on
+    /// `disk` in the folder of `--out`. The default is `disk` with `--out`, otherwise `memory`.
     #[arg(long, value_enum, value_name = "disk|memory", require_equals = true, hide_possible_values = true)]
     smooth: Option<Option<SmoothArg>>,
-    /// With `order = "rewind"`: estimates.csv holds what was believed at the time, before later rows changed it, and
-    /// revised.csv what they made of it; otherwise current.csv and estimates.csv hold them.
+    /// With `order = "rewind"`: estimates.csv holds the current estimates, before later rows changed them, and
+    /// revised.csv the revised estimates. Without it, current.csv and estimates.csv hold them.
     #[arg(long, requires = "out")]
     causal: bool,
-    /// Saves the run in FILE while it goes on, so that `--resume` goes on with it after a crash or a kill; with
-    /// `--out`, files that are not finished then stay there too. FILE is removed at the end of the run.
+    /// Saves the run in FILE regularly, so that `--resume` can continue it after a crash or a kill. With `--out`,
+    /// unfinished files are then kept too. FILE is removed at the end of the run.
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
     /// Time between two checkpoints, by the clock: 10 s by default.
     #[arg(long, value_name = "TIME", default_value = "10 s", hide_default_value = true, value_parser = period, requires = "checkpoint")]
     every: Duration,
-    /// Goes on with the run that was saved in FILE; everything else must be as it was begun with. What comes out
-    /// is the same, to the last bit, as without a stop. Give `--checkpoint FILE` too to save it further.
+    /// Continues the run that was saved in FILE; all other options must be the same as at its start. The results are
+    /// the same, to the last bit, as without a stop. Give `--checkpoint FILE` too to continue saving.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
     /// Prints all tables: sources, innovations, errors per axis, consistency, outages, estimated parameters.
@@ -60,7 +58,7 @@ pub(super) struct RunArgs {
     output: OutputArgs,
 }
 
-/// A time as a design writes it.
+/// A time in the format of a design.
 fn period(text: &str) -> Result<Duration, String> {
     let (seconds, dimension) = units::parse(text).map_err(|error| error.to_string())?;
     if dimension != dim::Duration::KIND.dimension {
@@ -86,7 +84,7 @@ impl RunArgs {
     }
 }
 
-/// The kernel of that name.
+/// The kernel with this name.
 fn kernel(name: &str) -> Result<Kernel, String> {
     let here = || Kernel::here().map(Kernel::name).collect::<Vec<_>>().join(", ");
     Kernel::named(name).ok_or_else(|| format!("this processor has {}", here()))

@@ -16,28 +16,28 @@ use std::path::{Path, PathBuf};
 pub(super) struct StressArgs {
     #[command(flatten)]
     design: DesignArgs,
-    /// Replaces the built-in catalogue; the design's table [stress] is laid over either.
+    /// Replaces the built-in catalogue; the design's table [stress] is applied to either.
     #[arg(long, value_name = "FILE")]
     catalogue: Option<PathBuf>,
-    /// Applies the faults of this name only, draws those of this kind only; may be given several times, or as `A,B`.
+    /// Applies only the faults with this name, draws only faults of this kind; may be given several times, or as `A,B`.
     #[arg(long, value_name = "FAULT", value_delimiter = ',')]
     only: Vec<String>,
-    /// Draws so many cases of faults instead, from one to three at once, and counts what became of them.
+    /// Draws this number of cases instead, with one to three faults at once, and counts their outcomes.
     #[arg(long, value_name = "N", conflicts_with_all = ["pairs"], value_parser = clap::value_parser!(u64).range(1..))]
     draw: Option<u64>,
-    /// Runs these drawn cases only; may be given several times, or as `3,17`.
+    /// Runs only these drawn cases; may be given several times, or as `3,17`.
     #[arg(long, value_name = "N", value_delimiter = ',', requires = "draw", value_parser = clap::value_parser!(u64).range(1..))]
     case: Vec<u64>,
-    /// How many random pairs, instead of the catalogue's number.
+    /// The number of random pairs, instead of the catalogue's number.
     #[arg(long, value_name = "N")]
     pairs: Option<u32>,
-    /// Seed of simulated data, of directions, of pairs and of what is drawn; 1 without it.
+    /// Seed of simulated data, of directions, of pairs and of drawn cases; 1 by default.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Threads; as many as there are cores without it. The results do not depend on it.
+    /// The number of threads; by default the number of cores. The results do not depend on it.
     #[arg(long, value_name = "T", default_value_t = 0, hide_default_value = true)]
     threads: usize,
-    /// Writes stress.csv here, draw.csv with `--draw`, one row per case; the folder is made if need be.
+    /// Writes stress.csv here, or draw.csv with `--draw`, one row per case; creates the folder if necessary.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -53,7 +53,7 @@ pub(super) fn stress(args: &StressArgs) -> Result<(), Failure> {
         seed: args.seed,
         ..Options::default()
     };
-    // What cannot be written is told before the runs.
+    // Reports files that cannot be written before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let bar = Runs::new();
     let seed = args.seed.unwrap_or(1);
@@ -96,7 +96,7 @@ impl StressArgs {
     }
 }
 
-/// The catalogue that is asked for.
+/// The selected catalogue.
 fn catalogue(args: &StressArgs, design: &Document) -> Result<Catalogue, Diagnostics> {
     let file = match &args.catalogue {
         None => Catalogue::built_in(),

@@ -1,8 +1,8 @@
-//! Tables with units, and what draws them.
+//! Tables with units, and their output formats.
 //!
-//! What is shown of a result is a [`Page`] of sections and tables, built once from the data of the result and drawn by
-//! three back ends: [`text`] for a terminal, [`json`] for programs, [`html`] for the report. Names, units and digits
-//! are decided in the tree ([`Cell`], [`Unit`]), so that no back end can differ from another in them.
+//! A displayed result is a [`Page`] of sections and tables. It is built once from the data of the result. Three back
+//! ends draw it: [`text`] for a terminal, [`json`] for programs, [`html`] for the report. The tree ([`Cell`], [`Unit`])
+//! decides names, units and digits, so they are the same in all back ends.
 
 pub mod html;
 pub mod json;

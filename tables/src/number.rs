@@ -1,6 +1,6 @@
-//! Digits.
+//! Number formatting.
 
-/// Where there is no number.
+/// The text for a missing number.
 pub const NONE: &str = "–";
 
 /// Four significant digits.
@@ -12,7 +12,7 @@ pub fn significant(value: f64) -> String {
         "0".to_owned()
     } else {
         let scientific = format!("{value:.3e}");
-        // Rounded first: 9.9999 has the digits of 10.
+        // Rounded first, because 9.9999 gets the digits of 10.
         let exponent = scientific.split_once('e').and_then(|(_, e)| e.parse::<i32>().ok());
         match exponent {
             Some(e @ -3..=5) => fixed(value, usize::try_from(3 - e).unwrap_or(0)),
@@ -21,14 +21,14 @@ pub fn significant(value: f64) -> String {
     }
 }
 
-/// So many decimals.
+/// A fixed number of decimals.
 #[must_use]
 pub fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return NONE.to_owned();
     }
     let rounded = format!("{value:.decimals$}");
-    // What rounds to zero has no sign.
+    // A value that rounds to zero has no sign.
     if rounded.trim_matches(['-', '0', '.']).is_empty() {
         rounded.trim_start_matches('-').to_owned()
     } else {
@@ -36,7 +36,7 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     }
 }
 
-/// Four significant digits at most, without trailing zeros: for values that somebody wrote.
+/// At most four significant digits, without trailing zeros, for values from a user.
 #[must_use]
 pub fn short(value: f64) -> String {
     let text = significant(value);
@@ -47,7 +47,7 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// Equal numbers as one, others as a list.
+/// One number if all are equal, otherwise a list.
 #[must_use]
 pub fn list(values: &[f64]) -> String {
     match values {

@@ -1,23 +1,22 @@
-//! A page as text for a terminal: aligned columns, numbers to the right, no line wider than asked.
+//! A page as text for a terminal: aligned columns, numbers to the right, lines no wider than requested.
 
 use super::tree::{Column, Page, Section, Table};
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Width, presets};
 use std::borrow::Cow;
 use std::fmt::{self, Write};
 
-/// Characters in a line where the width of the terminal is not known.
+/// Characters in a line if the width of the terminal is unknown.
 pub const WIDTH: usize = 100;
-/// Blanks behind each column.
+/// Spaces after each column.
 const GAP: usize = 2;
-/// Texts of a column up to this length are not broken.
+/// Texts of a column up to this length are not wrapped.
 const SHORT: usize = 12;
 /// Words longer than this may be broken.
 const LONG: usize = 32;
-/// Before every line of a table.
+/// The text before every line of a table.
 const INDENT: &str = "  ";
 
-/// `page` in lines of at most `width` characters. Its warnings are left out: a command tells them
-/// on stderr.
+/// `page` in lines of at most `width` characters. Its warnings are left out, because a command prints them on stderr.
 #[must_use]
 pub fn page(page: &Page, width: usize) -> String {
     let mut out = String::new();
@@ -34,7 +33,7 @@ fn write(out: &mut String, page: &Page, width: usize) -> fmt::Result {
         writeln!(out, "{line}")?;
     }
     for section in page.sections.iter().filter(|s| !s.is_empty()) {
-        // What has no title of its own goes with the line before it.
+        // A section without a title follows the line before it directly.
         let stands_alone = !section.title.is_empty() || !section.notes.is_empty();
         if stands_alone && !out.is_empty() {
             writeln!(out)?;
@@ -90,7 +89,7 @@ fn write_table(out: &mut String, table: &Table, width: usize) -> fmt::Result {
     Ok(())
 }
 
-/// A name of any length, shortened to what a table can draw; JSON and the report have all of it.
+/// Shortens a name to a length that a table can draw; JSON and the report contain the full name.
 fn short(text: &str) -> Cow<'_, str> {
     /// Ten lines of a terminal.
     const LONGEST: usize = 1000;
@@ -104,9 +103,9 @@ fn longest_word(text: &str) -> usize {
     text.split_whitespace().map(|word| word.chars().count()).max().unwrap_or(0)
 }
 
-/// How wide each column is, such that the table is no wider than `width`: as its longest text; else the heads of numbers are
-/// broken; else the texts. A level that is the same for all says where. But no column is narrower than its numbers, and the
-/// words of its head and of its texts.
+/// The width of each column for a table of at most `width`. First choice: the longest text. Second: the headings of
+/// numbers are wrapped. Third: the texts are wrapped, with a common limit for all of them. No column is narrower than
+/// its numbers, or than the longest word of its heading or texts.
 fn widths(table: &Table, width: usize) -> Vec<usize> {
     let head = |column: &Column| {
         let heading = if table.is_list() { String::new() } else { column.heading() };

@@ -6,16 +6,16 @@ use fusion::provenance::Provenance;
 use fusion::score::{Consistency, Verdict};
 use fusion_core::time::Time;
 
-/// A result as it is shown.
+/// A displayed result.
 #[derive(Clone, Debug, Default)]
 pub struct Page {
-    /// What it is about, in a line; may be empty.
+    /// The subject, in a line; may be empty.
     pub title: String,
-    /// What it was made of; of several runs what they have in common.
+    /// The input of the result; for several runs, the common input.
     pub provenance: Provenance,
-    /// What a reader must not overlook, a sentence each. A command tells these on stderr.
+    /// Warnings for the reader, one sentence each. A command prints these on stderr.
     pub warnings: Vec<String>,
-    /// What it consists of, in reading order.
+    /// The content, in reading order.
     pub sections: Vec<Section>,
 }
 
@@ -31,7 +31,7 @@ pub struct Section {
 }
 
 impl Section {
-    /// With these tables.
+    /// A section with these tables.
     #[must_use]
     pub fn new(title: impl Into<String>, tables: impl IntoIterator<Item = Table>) -> Self {
         Self {
@@ -41,14 +41,14 @@ impl Section {
         }
     }
 
-    /// With a sentence below the tables.
+    /// Adds a sentence below the tables.
     #[must_use]
     pub fn note(mut self, note: impl Into<String>) -> Self {
         self.notes.push(note.into());
         self
     }
 
-    /// Whether there is nothing to show.
+    /// Returns true if there is nothing to show.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.tables.is_empty() && self.notes.is_empty()
@@ -57,8 +57,7 @@ impl Section {
 
 /// Rows of cells below named columns.
 ///
-/// A unit is written once: beside the name of the column, or, where the rows differ, beside that
-/// of the row.
+/// A unit is written once: next to the name of the column or, if the rows differ, next to the name of the row.
 #[derive(Clone, Debug)]
 pub struct Table {
     columns: Vec<Column>,
@@ -68,16 +67,16 @@ pub struct Table {
 /// A column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
-    /// Its heading. A table whose columns have none is a list of names and values.
+    /// The heading. A table without headings is a list of names and values.
     pub name: String,
-    /// The unit of its real numbers; `None` where it is that of the row.
+    /// The unit of its real numbers; `None` if the row gives the unit.
     pub unit: Option<Unit>,
-    /// Whether it holds words, which begin at the left and may be wrapped.
+    /// True if it holds words, which are left-aligned and may be wrapped.
     pub is_text: bool,
 }
 
 impl Column {
-    /// Of words.
+    /// A column of words.
     #[must_use]
     pub fn text(name: impl Into<String>) -> Self {
         Self {
@@ -87,7 +86,7 @@ impl Column {
         }
     }
 
-    /// Of numbers in the unit of their row, or of counts, shares and bands, which have none.
+    /// A column of numbers in the unit of their row, or of counts, shares and bands, which have no unit.
     #[must_use]
     pub fn number(name: impl Into<String>) -> Self {
         Self {
@@ -97,7 +96,7 @@ impl Column {
         }
     }
 
-    /// Of numbers in one unit.
+    /// A column of numbers in one unit.
     #[must_use]
     pub fn with_unit(name: impl Into<String>, unit: Unit) -> Self {
         Self {
@@ -116,34 +115,34 @@ impl Column {
 /// A row.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// The unit of its real numbers, where its columns have none.
+    /// The unit of its real numbers, if its columns have no unit.
     pub unit: Unit,
     /// A cell per column.
     pub cells: Vec<Cell>,
 }
 
-/// A value, with what decides its digits.
+/// A value, with the rule for its digits.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cell {
-    /// Nothing to say.
+    /// No content.
     Empty,
     /// Words.
     Text(String),
-    /// How many.
+    /// A count.
     Count(u64),
-    /// A real number, counted as its unit's [`Unit::of`] wants it: four significant digits.
+    /// A real number in the unit that [`Unit::of`] expects: four significant digits.
     Real(f64),
-    /// A real number with so many decimals.
+    /// A real number with this number of decimals.
     Fixed(f64, usize),
-    /// A time of the run, or a span of it \[s\]: to the tenth of a second.
+    /// A time of the run, or a duration \[s\]: to the tenth of a second.
     Seconds(f64),
-    /// A pure number, whatever the unit of its row: with two decimals.
+    /// A pure number, for any unit of its row: with two decimals.
     Ratio(f64),
-    /// A share, 1 being the whole: in percent.
+    /// A share, where 1 is the whole: in percent.
     Share(f64),
-    /// From, to.
+    /// The two limits of a band.
     Band(f64, f64),
-    /// How errors compare with their covariance.
+    /// The comparison of errors with their covariance.
     Verdict(Verdict),
     /// A mean NEES or NIS over its degrees of freedom, with its verdict.
     Judged(Consistency),
@@ -156,19 +155,19 @@ impl Cell {
         Self::Text(words.into())
     }
 
-    /// A real number, or nothing.
+    /// A real number, or an empty cell.
     #[must_use]
     pub fn real(value: Option<f64>) -> Self {
         value.map_or(Self::Empty, Self::Real)
     }
 
-    /// A count, or nothing.
+    /// A count, or an empty cell.
     #[must_use]
     pub fn count(count: Option<u64>) -> Self {
         count.map_or(Self::Empty, Self::Count)
     }
 
-    /// A verdict, or nothing.
+    /// A verdict, or an empty cell.
     #[must_use]
     pub fn verdict(verdict: Option<Verdict>) -> Self {
         verdict.map_or(Self::Empty, Self::Verdict)
@@ -190,7 +189,7 @@ impl Cell {
         }
     }
 
-    /// As it is shown in `unit`.
+    /// The text of the cell in `unit`.
     #[must_use]
     pub fn shown(&self, unit: &Unit) -> String {
         match self {
@@ -238,7 +237,7 @@ impl From<usize> for Cell {
 }
 
 impl Table {
-    /// With these columns.
+    /// A table with these columns.
     #[must_use]
     pub fn new(columns: impl IntoIterator<Item = Column>) -> Self {
         Self {
@@ -258,14 +257,14 @@ impl Table {
         self.row_in(Unit::none(), cells);
     }
 
-    /// Adds a row in a unit of its own.
+    /// Adds a row with its unit.
     pub fn row_in(&mut self, unit: Unit, cells: impl IntoIterator<Item = impl Into<Cell>>) {
         let mut cells: Vec<Cell> = cells.into_iter().map(Into::into).collect();
         cells.resize(self.columns.len(), Cell::Empty);
         self.rows.push(Row { unit, cells });
     }
 
-    /// The columns that hold anything, by number.
+    /// The columns that are not empty, with their indices.
     pub fn columns(&self) -> impl Iterator<Item = (usize, &Column)> {
         let holds = |k: usize| self.rows.iter().any(|r| r.cells[k] != Cell::Empty);
         self.columns.iter().enumerate().filter(move |(k, _)| holds(*k))
@@ -277,13 +276,13 @@ impl Table {
         &self.rows
     }
 
-    /// Whether it has no rows.
+    /// Returns true if it has no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
-    /// Whether it is a list of names and values.
+    /// Returns true if it is a list of names and values.
     #[must_use]
     pub fn is_list(&self) -> bool {
         self.columns.iter().all(|c| c.name.is_empty())
@@ -295,8 +294,8 @@ impl Table {
         self.columns[column].unit.as_ref().unwrap_or(&row.unit)
     }
 
-    /// A cell as it is shown, its unit with it where it stands nowhere else: the name of a row
-    /// with the unit of the row, a value of a list.
+    /// The text of a cell. It includes the unit if the unit is shown nowhere else: for the name of a row, and for a
+    /// value of a list.
     #[must_use]
     pub fn shown(&self, row: &Row, column: usize) -> String {
         let text = row.cells[column].shown(self.unit(row, column));

@@ -1,8 +1,8 @@
-//! Units as they are shown.
+//! Units for display.
 
 use super::number;
 
-/// A unit as it is shown, and the factor to it from what is computed with.
+/// A displayed unit, and the factor to it from the unit of the calculation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
     factor: f64,
@@ -10,12 +10,13 @@ pub struct Unit {
 }
 
 impl Unit {
-    /// Of values counted in the SI unit `si`, as `Dimension` writes it (`rad/s`, `m/s^2`, `1`).
+    /// For values in the SI unit `si`, as `Dimension` writes it (`rad/s`, `m/s^2`, `1`).
     ///
-    /// Angles are shown in degrees, pressures in hectopascals, magnetic fields in microteslas, pure numbers without a unit.
+    /// Angles are shown in degrees, pressures in hectopascals, magnetic fields in microteslas, pure numbers without
+    /// unit.
     #[must_use]
     pub fn of_si(si: &str) -> Self {
-        // As it is written in base units: a rate of a unit that has a name.
+        // The unit in base units: a rate of a unit with a name.
         let named = [("kg/m/s^2", "Pa"), ("kg/m/s^3", "Pa/s"), ("kg/s^2/A", "T"), ("kg/s^3/A", "T/s")];
         let si = named.iter().find(|(base, _)| *base == si).map_or(si, |(_, name)| name);
         let (factor, symbol) = match (si, si.strip_prefix("rad")) {
@@ -29,7 +30,7 @@ impl Unit {
         Self { factor, symbol }
     }
 
-    /// Of values that are counted in the unit that is shown.
+    /// For values that are already in the displayed unit.
     #[must_use]
     pub fn shown(symbol: &str) -> Self {
         Self {
@@ -38,7 +39,7 @@ impl Unit {
         }
     }
 
-    /// Of a pure number.
+    /// The unit of a pure number.
     #[must_use]
     pub fn none() -> Self {
         Self::shown("")
@@ -50,7 +51,7 @@ impl Unit {
         &self.symbol
     }
 
-    /// `value` counted in it.
+    /// `value` in this unit.
     #[must_use]
     pub fn of(&self, value: f64) -> f64 {
         value * self.factor
@@ -66,7 +67,7 @@ impl Unit {
         }
     }
 
-    /// Declared values with it: `2 m`, `0.5, 0.5, 1 deg`; equal ones as one.
+    /// Declared values with the unit: `2 m`, `0.5, 0.5, 1 deg`; one value if all are equal.
     #[must_use]
     pub fn list(&self, values: &[f64]) -> String {
         let shown: Vec<f64> = values.iter().map(|v| self.of(*v)).collect();

@@ -4,13 +4,13 @@ use super::{Instrument, Study};
 use core::fmt::Write;
 
 const WIDTH: f64 = 860.0;
-/// Of one instrument.
+/// For one instrument.
 const HEIGHT: f64 = 440.0;
 const LEFT: f64 = 80.0;
 const RIGHT: f64 = 120.0;
 const TOP: f64 = 40.0;
 const BOTTOM: f64 = 50.0;
-/// Of the axes x, y, z; told apart by readers who do not see red and green as well (Okabe and Ito).
+/// For the axes x, y, z. Readers with red-green colour blindness can also distinguish these colours (Okabe and Ito).
 const COLOURS: [&str; 3] = ["#d55e00", "#009e73", "#0072b2"];
 
 /// A plot for each instrument, below each other: the deviation as a line with its 1σ band, the fit dashed.
@@ -30,14 +30,14 @@ pub fn svg(studies: &[Study]) -> String {
     out + "</svg>\n"
 }
 
-/// Decades of both coordinates, and where they are drawn.
+/// Decades of both coordinates: the range of the axes of the plot.
 struct Frame {
     tau: (i32, i32),
     sigma: (i32, i32),
 }
 
 impl Frame {
-    /// Around all curves; `None` where there are none.
+    /// The frame around all curves; `None` if there are no curves.
     fn around(study: &Study) -> Option<Self> {
         let (_, si) = study.instrument.unit();
         let points = || study.axes.iter().flat_map(|axis| &axis.curve);
@@ -90,7 +90,7 @@ fn plot(out: &mut String, study: &Study) {
                 .map(|p| format!("{:.1},{:.1}", frame.x(p.tau), frame.y(value(p) / si)));
             points.collect::<Vec<_>>()
         };
-        // σ/√(2 · freedom) on either side.
+        // σ/√(2 · freedom) above and below the curve.
         let error = |p: &super::Point| (2.0 * p.freedom).sqrt().recip();
         let mut band = line(&|p| p.sigma * (1.0 + error(p)));
         band.extend(line(&|p| p.sigma * (1.0 - error(p))).into_iter().rev());

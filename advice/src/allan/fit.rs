@@ -1,18 +1,18 @@
-//! White noise, flicker noise and random walk out of a curve.
+//! Fits white noise, flicker noise and random walk to a curve.
 
 use super::Point;
 use core::f64::consts::{LN_2, PI};
 use nalgebra::{DMatrix, DVector};
 
-/// σ² of flicker noise of the size 1.
+/// σ² of flicker noise of size 1.
 const FLICKER: f64 = 2.0 * LN_2 / PI;
-/// What of σ² a real instrument has that is none of the three noises, such as quantisation, 1σ. Without
-/// it the shortest times, of which a long log has millions of clusters, would decide alone.
+/// 1σ of the relative part of σ² that the three noises do not explain in a real instrument, for example quantisation.
+/// Without it the shortest times would dominate the fit: a long log has millions of clusters for them.
 const MISFIT: f64 = 0.1;
 /// Rounds in which the weights follow the model; they settle within three or four.
 const ROUNDS: usize = 10;
 
-/// The sizes of the three noises, in the unit u of the samples; one that is not seen is zero.
+/// The sizes of the three noises, in the unit u of the samples; zero if a noise is not visible.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noises {
     /// White noise N \[u/√Hz\]: σ at 1 s on the slope −1/2.
@@ -27,7 +27,7 @@ impl Noises {
     /// Fits σ²(τ) = N²/τ + (2 ln 2/π) B² + K² τ/3 by least squares with coefficients of at least zero.
     /// The weight of a point is the inverse of the variance of its σ², (2/freedom + 0.1²) σ⁴, with σ of the fit.
     ///
-    /// `None` of fewer than three points, or where the samples do not vary.
+    /// `None` for fewer than three points, or if the samples do not vary.
     #[must_use]
     pub fn fit(points: &[Point]) -> Option<Self> {
         let is_sound = |p: &Point| p.sigma > 0.0 && p.sigma.is_finite() && p.freedom > 0.0;
@@ -65,13 +65,13 @@ impl Noises {
     }
 }
 
-/// σ² of each noise of the size 1.
+/// σ² of each noise of size 1.
 fn terms(tau: f64) -> [f64; 3] {
     [1.0 / tau, FLICKER, tau / 3.0]
 }
 
-/// The best N², B², K² where σ² has been `model`. Three unknowns: every choice of those that are not
-/// zero is tried.
+/// The best N², B², K², with `model` as the previous σ². The three unknowns are at least zero: the function tries
+/// each choice of the unknowns that are not zero.
 fn weighted(points: &[Point], model: &[f64]) -> Option<[f64; 3]> {
     let rows = points.len();
     // Divided by the standard deviation of each σ².

@@ -1,4 +1,4 @@
-//! The samples of a log at rest: of the sources of a design, or of a plain table.
+//! The samples of a log at rest. They come from the sources of a design or from a plain table.
 
 use crate::inspect::{Clock, stated_unit};
 use core::ops::Range;
@@ -15,7 +15,7 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-/// What gives the samples.
+/// The instrument that gives the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Instrument {
     /// Angular rate \[rad/s\].
@@ -27,22 +27,22 @@ pub enum Instrument {
 /// Three axes, evenly spaced.
 #[derive(Clone, Debug)]
 pub struct Log {
-    /// Whose samples they are.
+    /// The instrument.
     pub instrument: Instrument,
     /// The source or file.
     pub name: String,
     /// Time between two samples \[s\].
     pub interval: f64,
-    /// The axes x, y, z in SI, of one length.
+    /// The axes x, y, z in SI, with equal lengths.
     pub axes: [Vec<f64>; 3],
-    /// Gaps in time. Of a log with any only the longest piece between them is here.
+    /// Number of gaps in time. If there are gaps, the log holds only the longest piece between them.
     pub gaps: usize,
-    /// Why the columns were taken as increments over the interval and divided by it; `None` where they were not.
+    /// Why the columns were read as increments and divided by the interval; `None` if they were not.
     pub increments: Option<String>,
 }
 
 impl Log {
-    /// The length of the mean over the axes.
+    /// The length of the mean vector of the three axes.
     pub(super) fn force(&self) -> f64 {
         let mean = |axis: &Vec<f64>| axis.iter().sum::<f64>() / axis.len() as f64;
         self.axes.iter().map(|axis| mean(axis).powi(2)).sum::<f64>().sqrt()
@@ -52,17 +52,17 @@ impl Log {
 /// Three columns of a plain table.
 #[derive(Clone, Debug)]
 pub struct Columns {
-    /// Whose they are.
+    /// The instrument.
     pub instrument: Instrument,
     /// Their names, x, y, z.
     pub names: [String; 3],
-    /// SI per number.
+    /// The value of one unit of the column in SI.
     pub factor: f64,
 }
 
-/// Makes rates of the columns that hold increments over the interval: those whose names state the unit of a velocity or of
-/// an angle, accelerometers that have the length of gravity only over the interval, and the gyros beside these whose names
-/// state no unit.
+/// Converts columns that hold increments over the interval into rates. There are three kinds: columns whose names state
+/// a unit of velocity or angle; accelerometers whose length equals gravity only after division by the interval; and,
+/// next to such accelerometers, gyros whose names state no unit.
 fn as_rates(mut logs: Vec<Log>, wanted: &[Columns]) -> Vec<Log> {
     let is_gravity = |length: f64| (0.95..1.05).contains(&(length / STANDARD_GRAVITY));
     let by_gravity = |log: &Log| {
@@ -100,7 +100,8 @@ pub enum Moment {
 }
 
 impl Moment {
-    /// `120` from the beginning, `@1520530308.5` as a stamp in seconds, `2025-07-08T19:34:18Z` as one of a calendar.
+    /// `120` counts from the beginning, `@1520530308.5` is a stamp in seconds, `2025-07-08T19:34:18Z` is a calendar
+    /// stamp.
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         let number = |text: &str| text.parse().ok().filter(|x: &f64| x.is_finite());
@@ -110,7 +111,7 @@ impl Moment {
         }
     }
 
-    /// Its stamp in a log that begins at `first`.
+    /// The stamp of the moment in a log that begins at `first`.
     const fn of(self, first: f64) -> f64 {
         match self {
             Self::Elapsed(since) => first + since,
@@ -122,9 +123,9 @@ impl Moment {
 /// The part of a log that is used.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Part {
-    /// Samples before are left out.
+    /// Samples before this moment are left out.
     pub from: Option<Moment>,
-    /// The first sample at or after ends it.
+    /// The first sample at or after this moment ends the part.
     pub to: Option<Moment>,
 }
 
@@ -138,11 +139,11 @@ impl Part {
     }
 }
 
-/// The inertial channels of the sources that a design declares under `[source]`, each opened as the
-/// design says. `only` is the name of the only source to read.
+/// The inertial channels of the sources that a design declares under `[source]`. Each source is opened as the design
+/// declares. If `only` is given, only the source of this name is read.
 ///
 /// # Errors
-/// Mistakes of the declarations, of the data; no inertial channel.
+/// Mistakes in the declarations or in the data; no inertial channel.
 pub fn declared(root: &Node, data_dir: &Path, only: Option<&str>, part: Part) -> Result<Vec<Log>, Diagnostics> {
     fusion_models::link();
     let sources = root.get("source").map_or(&[][..], Node::entries);
@@ -219,8 +220,8 @@ fn read(spec: &dyn SourceSpec, context: &OpenContext, part: Part) -> Result<Vec<
     Ok(found.iter().zip(samples).map(log).collect())
 }
 
-/// The longest piece of a part without a gap, its mean interval, and how many gaps there are: intervals of more
-/// than one and a half times the median, which a missing sample makes two.
+/// The longest piece of a part without a gap, its mean interval, and the number of gaps. A gap is an interval of more
+/// than one and a half times the median. One missing sample makes an interval of twice the median.
 fn longest_piece(all: &[f64], part: Part) -> Option<(Range<usize>, f64, usize)> {
     let part = part.of(all);
     let times = &all[part.clone()];
@@ -240,11 +241,11 @@ fn longest_piece(all: &[f64], part: Part) -> Option<(Range<usize>, f64, usize)> 
     (end - start > 2 && interval > 0.0).then_some((piece, interval, ends.len()))
 }
 
-/// Columns of a table that has a column of stamps, found as `fusion inspect` finds it. Rows without a number or a later
-/// stamp than the row before are left out.
+/// Columns of a table with a stamp column, which is found as in `fusion inspect`. Rows without a number are left out.
+/// So are rows whose stamp is not later than the stamp of the row before.
 ///
 /// # Errors
-/// A file that cannot be read, no column of stamps, a column that there is not, fewer than three samples.
+/// An unreadable file, no stamp column, a missing column, fewer than three samples.
 pub fn stamped(path: &Path, wanted: &[Columns], part: Part) -> Result<Vec<Log>, Diagnostics> {
     let name = path.display().to_string();
     let table = Table::read(path).map_err(|error| {
@@ -286,7 +287,7 @@ pub fn stamped(path: &Path, wanted: &[Columns], part: Part) -> Result<Vec<Log>, 
     Ok(as_rates(logs, wanted))
 }
 
-/// Where the columns of these names stand.
+/// The positions of the columns with these names.
 fn places(file: &str, known: &[&str], names: &[String]) -> Result<Vec<usize>, Diagnostics> {
     let (mut d, mut places) = (Diagnostics::new(), Vec::new());
     for column in names {
@@ -305,7 +306,7 @@ fn places(file: &str, known: &[&str], names: &[String]) -> Result<Vec<usize>, Di
 /// `interval` seconds.
 ///
 /// # Errors
-/// A file that cannot be read, a column that there is not, a field that is no number.
+/// An unreadable file, a missing column, a field that does not hold a number.
 pub fn plain(path: &Path, interval: f64, wanted: &[Columns], part: Part) -> Result<Vec<Log>, Diagnostics> {
     let name = path.display().to_string();
     let failed = |why: &dyn std::fmt::Display| Diagnostic::error(format!("`{name}` cannot be read: {why}"));

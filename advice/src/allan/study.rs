@@ -12,24 +12,24 @@ pub struct Axis {
     pub mean: f64,
     /// Its Allan deviation \[s, SI\].
     pub curve: Vec<Point>,
-    /// What was fitted \[SI\].
+    /// The fitted noises \[SI\].
     pub noises: Noises,
 }
 
 /// Three axes of an instrument.
 #[derive(Clone, Debug)]
 pub struct Study {
-    /// Of gyros or accelerometers.
+    /// Gyros or accelerometers.
     pub instrument: Instrument,
     /// The source or file.
     pub name: String,
-    /// Length of what was used \[s\].
+    /// Length of the used part \[s\].
     pub span: f64,
     /// Samples per second.
     pub rate: f64,
     /// Gaps in time.
     pub gaps: usize,
-    /// Why the columns were taken as increments over the interval and divided by it.
+    /// Why the columns were read as increments and divided by the interval.
     pub increments: Option<String>,
     /// x, y, z.
     pub axes: [Axis; 3],
@@ -44,7 +44,7 @@ impl Instrument {
         }
     }
 
-    /// The unit it is shown in, and SI in one of it.
+    /// The unit in which it is shown, and the value of one such unit in SI.
     pub(super) fn unit(self) -> (&'static str, f64) {
         match self {
             Self::Gyro => ("deg/s", 1_f64.to_radians()),
@@ -61,7 +61,7 @@ impl Instrument {
 }
 
 impl Study {
-    /// Of a log.
+    /// Studies a log.
     ///
     /// # Errors
     /// An axis that is too short, or that does not vary.
@@ -110,7 +110,8 @@ impl Study {
         page
     }
 
-    /// What is said of a unit that moves: from one second to the next it changes by more than any instrument at rest.
+    /// A warning if the unit moves: the values change more from one second to the next than those of any instrument at
+    /// rest.
     fn motion(&self) -> Option<String> {
         // The cheapest units in use have 0.05 deg/s/√Hz and 0.02 m/s²/√Hz.
         let most = match self.instrument {
@@ -134,7 +135,7 @@ impl Study {
         })
     }
 
-    /// What is said of accelerometers at rest that do not have the length of gravity.
+    /// A warning if accelerometers at rest do not measure the length of gravity.
     fn weight(&self) -> Option<String> {
         let length = self.axes.iter().map(|axis| axis.mean.powi(2)).sum::<f64>().sqrt();
         let is_gravity = (0.8..1.2).contains(&(length / STANDARD_GRAVITY));
@@ -202,14 +203,14 @@ impl Study {
         self.axes[0].curve.last().map_or(0.0, |p| p.tau)
     }
 
-    /// Root mean square over the axes, in the unit shown.
+    /// Root mean square over the axes, in the displayed unit.
     fn rms(&self, of: impl Fn(&Axis) -> f64) -> f64 {
         let (_, si) = self.instrument.unit();
         (self.axes.iter().map(|axis| of(axis).powi(2)).sum::<f64>() / 3.0).sqrt() / si
     }
 
-    /// Size of the turn-on bias, as far as it shows: of gyros the mean, of accelerometers what their
-    /// length differs from gravity by; at least B.
+    /// Size of the visible turn-on bias, at least B. For gyros it is the mean; for accelerometers it is the difference
+    /// between the length of the mean and gravity.
     fn bias(&self) -> f64 {
         let (_, si) = self.instrument.unit();
         let instability = self.rms(|axis| axis.noises.flicker);
@@ -223,8 +224,8 @@ impl Study {
     }
 }
 
-/// The size of a noise on each axis, of an axis that does not show it the smallest of the others, and which axes these are;
-/// `None` where no axis shows it.
+/// The size of a noise on each axis, and the axes that do not show it; `None` if no axis shows it. An axis that does
+/// not show the noise gets the smallest size of the other axes.
 fn filled(study: &Study, of: fn(&Noises) -> f64) -> Option<([f64; 3], String)> {
     let sizes = study.axes.each_ref().map(|axis| of(&axis.noises));
     let least = sizes.into_iter().filter(|size| *size > 0.0).reduce(f64::min)?;
@@ -233,7 +234,7 @@ fn filled(study: &Study, of: fn(&Noises) -> f64) -> Option<([f64; 3], String)> {
     Some((sizes.map(|size| if size > 0.0 { size } else { least }), hidden.join(", ")))
 }
 
-/// What to write into a design.
+/// The TOML to write into a design.
 #[must_use]
 pub fn toml(studies: &[Study]) -> String {
     let mut text = String::from("[process]\n");

@@ -1,57 +1,58 @@
-//! What errors against the reference say.
+//! Findings from the errors against the reference.
 
 use super::instrument::{Bias, Instrument, Measures, listed};
 use super::{CHECK, FAR, Finding, Judged, LARGE, is_large, ratio};
 use fusion::score::{Axes, Consistency, Drift, Offset, Score, Verdict};
 use fusion_tables::short;
 
-/// The mean NEES over its degrees of freedom below which it is worth a change: errors are half of the 1σ. A little too careful
-/// is no fault.
+/// A mean NEES over its degrees of freedom below this is worth a change: errors are half of the 1σ. A slightly
+/// conservative filter is not reported.
 const TINY: f64 = 0.25;
-/// The mean over its degrees of freedom of a NIS below which a larger noise changes nothing: the estimate hardly listens.
+/// A larger noise changes nothing if the mean NIS over its degrees of freedom is below this: the gain is already small.
 const FOLLOWED: f64 = 0.3;
-/// A mean error of the heading that is worth a word \[deg\], and its share of the mean square.
+/// A mean heading error is reported above this \[deg\], if it makes up this share of the mean square.
 const LEAST_HEADING: f64 = 1.0;
 const MOST_OF_HEADING: f64 = 0.8;
-/// A constant one from which on it is none of how a unit was screwed on \[deg\].
+/// A constant heading error above this \[deg\] is too large for a small mounting error.
 const MOUNTED: f64 = 20.0;
-/// An RMS of the heading error from which on it is wrong, whatever the use of it is \[deg\].
+/// A heading with a larger RMS error is wrong for any use \[deg\].
 const WRONG_HEADING: f64 = 10.0;
-/// The share of the squares of the heading errors from which on most of them are of the reference; it is known to two 1σ.
+/// Above this share of the squared heading errors, most of the error comes from the reference. The share has to exceed
+/// it by two of its 1σ.
 const MOST_OF_ERRORS: f64 = 0.5;
-/// The scatter of a heading about the course from which on the vehicle does not go where its nose points: half a radian, below which
-/// angles add up as numbers do \[deg\].
+/// Above this scatter of the heading about the course \[deg\], the vehicle does not move where its nose points. It is
+/// half a radian: smaller angles can be added as numbers.
 const MOST_SLIP: f64 = 28.6;
-/// How often a consistent filter may be found too sure in its outages.
+/// The probability that a consistent filter is reported as overconfident in its outages.
 const CHANCE: f64 = 0.02;
-/// The same of the largest error of all at the end of one: by its size alone, which noise of other shapes than a normal one has
-/// sooner. Of 1, 13, 100 outages that is beyond 3.7, 4.4, 4.8σ.
+/// The same probability for the largest error at the end of an outage. It is smaller, because noise with heavy tails
+/// reaches large errors sooner. For 1, 13, 100 outages the limits are 3.7, 4.4, 4.8σ.
 const CHANCE_OF_SIZE: f64 = 1e-3;
-/// A measurement that moves the estimate by so many of its 1σ, in an outage that is wrong without doubt, is worth a look: one that
-/// tells it all does so by chance once in twenty times.
+/// A measurement that moves the estimate by more than this number of its 1σ is worth a look, in an outage that is
+/// certainly wrong. A measurement that alone determines the estimate does so by chance once in twenty times.
 const MOVED: f64 = 2.0;
-/// So much of the errors an offset or a latency has to explain to be what is wrong, and to be named at all, being so many of its
-/// 1σ; from that 1σ on \[m\] an offset is not known.
+/// An offset or a latency is the main cause if it explains the share `MOST` of the errors. It is named if it explains
+/// `LEAST` and exceeds `CERTAIN` times its 1σ. An offset whose 1σ is larger than `UNKNOWN` \[m\] is unknown.
 const MOST: f64 = 0.5;
 const LEAST: f64 = 0.2;
 const CERTAIN: f64 = 5.0;
 const UNKNOWN: f64 = 1.0;
-/// So much of the squares that are left without it an axis of an offset has to explain by itself; and by so much of it, at
-/// most, the halves of the run may tell another.
+/// An axis of an offset has to explain more than the share `OWN` of the squares that remain without it. The halves of
+/// the run may differ from it by at most the share `ALIKE`.
 const OWN: f64 = 0.05;
 const ALIKE: f64 = 0.5;
-/// The least offset \[m\] and the least latency \[s\] that are worth a word.
+/// Smaller offsets \[m\] and latencies \[s\] are not reported.
 const LEAST_OFFSET: f64 = 0.05;
 const LEAST_LATENCY: f64 = 0.01;
 
 impl Judged<'_> {
-    /// What is said of errors, which may follow from `causes` that are told already.
+    /// Findings about the errors. They may follow from `causes`, which are already reported.
     pub(super) fn all_errors(&self, causes: &[String]) -> Vec<Finding> {
         let Some(score) = &self.summary.score else { return Vec::new() };
         let heading = constant_heading(score)
             .or_else(|| self.wrong_reference(score))
             .or_else(|| self.wrong_heading(score));
-        // A simulated truth is that of the body origin, and in time.
+        // A simulated truth belongs to the body origin and has no latency.
         let offset = score.offset.as_ref().filter(|_| causes.is_empty() && self.is_recorded);
         let latency = offset.and_then(|offset| self.wrong_latency(offset));
         let late = if causes.is_empty() && latency.is_none() && self.is_recorded {
@@ -60,7 +61,7 @@ impl Judged<'_> {
             Vec::new()
         };
         let is_late = |what: Measures| late.iter().any(|(of, _)| *of == what);
-        // A time that is wrong makes an arm of its own.
+        // Wrong time stamps look like a lever arm.
         let is_in_time = latency.is_none() && late.is_empty();
         let arm = offset.filter(|_| is_in_time);
         let arm = arm.and_then(|offset| self.other_arm().or_else(|| wrong_arm(offset, self.point)));
@@ -77,7 +78,7 @@ impl Judged<'_> {
             self.errors(what, &causes)
         });
         let mut errors = alike(errors.collect());
-        // Of a log, what can be found out comes before what may be guessed.
+        // For a log, name checks that find the cause before causes that are guesses.
         let is_guessed = |f: &&mut Finding| f.advice.split_once(TIMES).is_some_and(|(_, cause)| !cause.starts_with(BEGIN));
         if let Some(first) = errors.iter_mut().find(is_guessed).filter(|_| self.is_recorded) {
             let check = format!("{BEGIN}{CHECK}, which tries latencies, lever arms, axes, scales and angles; if nothing is found wrong: ");
@@ -96,7 +97,7 @@ impl Judged<'_> {
             .collect()
     }
 
-    /// Errors against the reference that are not what the covariance says.
+    /// Errors against the reference that do not agree with the covariance.
     fn errors(&self, what: Measures, causes: &[String]) -> Option<Finding> {
         let c = self.nees(what)?;
         let name = format!("NEES {}", what.word());
@@ -107,7 +108,7 @@ impl Judged<'_> {
                 format!("{}{BEGIN}what is said of {}", times(), listed(causes))
             }
             Verdict::Overconfident if ratio(c) > LARGE => times() + &self.cause(what, c),
-            // Other rows of a sensor do not show the error that lasts, for which the filter is careful.
+            // Other rows of a sensor do not show the slow error that makes the filter conservative.
             Verdict::Conservative if self.summary.judged_by.is_some() => return None,
             Verdict::Conservative if ratio(c) < TINY => format!(
                 "errors are only {} times the 1σ of the filter; the noises of its sensors or process are larger than need be",
@@ -122,7 +123,7 @@ impl Judged<'_> {
         })
     }
 
-    /// Why the filter believes more than it should, where no sensor disagrees: one whose error it follows, if there is one.
+    /// Why the filter is overconfident although no sensor disagrees: it may follow the error of a sensor.
     fn cause(&self, what: Measures, nees: &Consistency) -> String {
         let axis = worst_axis(self.summary.score.as_ref().and_then(|score| axes_of(score, what)));
         let told = self.measuring(what).filter(|(i, _)| axis.is_none_or(|k| i.axes[k]));
@@ -136,7 +137,8 @@ impl Judged<'_> {
                 format!("{others}, or {start}")
             };
         };
-        // Of a sensor without a bias the rows are independent, but where a constant bias of the input leaves an error in them.
+        // For a sensor without a bias the rows are independent, except if a constant input bias leaves an error in
+        // them.
         if sensor.bias != Some(Bias::Fixed) && self.is_lasting(&sensor.name) && !self.constant_biases.is_empty() {
             return format!(
                 "an error that lasts is left in the innovations of `{}`, and {} cannot change: give a `random_walk` (`fusion allan` measures \
@@ -159,7 +161,7 @@ impl Judged<'_> {
         }
     }
 
-    /// What may be wrong with the reference.
+    /// The possible faults of the reference.
     fn reference(&self, what: Measures) -> String {
         let sigma = if self.is_exact[what as usize] {
             "errors of its own (`sigma`), "
@@ -167,7 +169,7 @@ impl Judged<'_> {
             ""
         };
         let offset = self.summary.score.as_ref().and_then(|score| score.offset.as_ref());
-        // Position errors say nothing of a velocity.
+        // Position errors do not determine the offset of a velocity.
         let arm = offset.and_then(|offset| known_arm(offset, self.point)).map(|(_, arm)| arm);
         let other = match (what, arm) {
             (Measures::Attitude, _) => "other axes (`remove_mean_mounting`)".to_owned(),
@@ -177,10 +179,11 @@ impl Judged<'_> {
         format!("the `[reference]` has {sigma}{other} or late stamps (`latency` of its channels)")
     }
 
-    /// A reference whose heading goes less well with its own velocity than the estimated one does.
+    /// A reference whose heading fits its own velocity less well than the estimated heading does.
     fn wrong_reference(&self, score: &Score) -> Option<Finding> {
         let (axes, course) = (score.attitude_deg.as_ref()?, score.course?);
-        // More than all of the errors is of no reference: the slip then goes with them, as of a nose that does not follow the way.
+        // A share above 1 cannot come from the reference: then the slip correlates with the errors, because the nose
+        // does not follow the motion.
         let is_share = course.share - 2.0 * course.share_sigma <= 1.0 && course.reference_deg < MOST_SLIP;
         let is_worse = is_share && course.share - 2.0 * course.share_sigma > MOST_OF_ERRORS;
         let is_outside = Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
@@ -203,12 +206,13 @@ impl Judged<'_> {
         })
     }
 
-    /// Attitude errors outside 3σ, where a mounting is taken out and there is no NEES; whether one finding is of the heading alone.
+    /// Attitude errors outside 3σ, if the mounting was removed and the run has no NEES. `tells_heading`: another
+    /// finding is about the heading alone.
     fn attitude_outside(&self, score: &Score, causes: &[String], tells_heading: bool) -> Option<Finding> {
         let axes = score.attitude_deg.as_ref().filter(|_| score.nees_attitude.is_none())?;
         let is_outside = |k: &usize| Verdict::of_share(axes.inside[*k]) == Some(Verdict::Overconfident);
         let outside: Vec<usize> = (0..3).filter(is_outside).collect();
-        // What the first lines show is the worst of them, and that is not told twice.
+        // The first finding shows the worst axis; do not report it twice.
         let worst = outside.iter().copied().min_by(|a, b| axes.inside[*a].total_cmp(&axes.inside[*b]))?;
         if worst == 2 && tells_heading {
             return None;
@@ -276,12 +280,12 @@ impl Judged<'_> {
         })
     }
 
-    /// A heading that is wrong beyond any doubt, though its 1σ is small.
+    /// A heading that is certainly wrong, although its 1σ is small.
     fn wrong_heading(&self, score: &Score) -> Option<Finding> {
         let (axes, rms) = (score.attitude_deg.as_ref()?, score.heading_rmse_deg?);
         let is_told = rms > WRONG_HEADING && Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
         let median = score.spread.heading_deg.map_or(rms, |s| s.median);
-        // Until it was aligned the filter itself says that it is wrong.
+        // Before its alignment the filter itself reports a wrong heading.
         let own = self.summary.health.iter().find(|h| h.filter.is_empty());
         let aligned = own.and_then(|h| h.aligned).filter(|aligned| axes.max_time[2] < *aligned);
         let advice = if let Some(aligned) = aligned {
@@ -309,13 +313,13 @@ impl Judged<'_> {
     }
 }
 
-/// Around the ratio of errors to their 1σ.
+/// The text around the ratio of errors to their 1σ.
 const ERRORS: &str = "errors are ";
 const TIMES: &str = " times the 1σ of the filter; ";
-/// Before what is known to be looked at first.
+/// The text before the cause to look at first.
 const BEGIN: &str = "begin with ";
 
-/// What is to be done where the estimate follows an error of a sensor.
+/// The advice if the estimate follows an error of a sensor.
 fn slow(sensor: &Instrument) -> String {
     let name = &sensor.name;
     let follows = format!("the estimate follows a slow error of `{name}`");
@@ -345,7 +349,7 @@ fn worst_axis(axes: Option<&Axes>) -> Option<usize> {
         .max_by(|a, b| ratio(*a).total_cmp(&ratio(*b)))
 }
 
-/// Findings of which only the size differs, as one.
+/// Merges findings that differ only in the size of the error.
 fn alike(all: Vec<Finding>) -> Vec<Finding> {
     fn what(finding: &Finding) -> Option<&str> {
         let rest = finding.advice.strip_prefix(ERRORS)?;
@@ -362,7 +366,7 @@ fn alike(all: Vec<Finding>) -> Vec<Finding> {
     kept
 }
 
-/// A heading that is wrong by a constant.
+/// A heading with a constant error.
 fn constant_heading(score: &Score) -> Option<Finding> {
     let errors = score.attitude_deg.as_ref()?;
     let (mean, rms) = (errors.mean[2], errors.rms[2]);
@@ -383,12 +387,12 @@ fn constant_heading(score: &Score) -> Option<Finding> {
     })
 }
 
-/// The offset in body axes that is known, and the point of the reference that takes it away \[m\].
+/// The body-axis offset as far as it is known, and the reference point that removes it \[m\].
 fn known_arm(offset: &Offset, point: [f64; 3]) -> Option<([f64; 3], [f64; 3])> {
-    // What nothing tells stays as it is declared: errors that wander fit any arm for a while, and those of a level vehicle
-    // hardly have a part of their own that an arm down explains.
+    // An undetermined axis keeps its declared value. Slow errors fit any arm for a while. On a level vehicle, a
+    // vertical arm explains hardly any error by itself.
     let halves = || offset.halves.iter().zip(&offset.halves_sigma);
-    // A half that hardly tells it contradicts nothing.
+    // A half run whose offset is poorly determined contradicts nothing.
     let slack = |k: usize, sigma: f64| ALIKE * offset.body[k].abs() + 2.0 * sigma;
     let is_alike = |k: usize| halves().all(|(half, sigma)| (half[k] - offset.body[k]).abs() < slack(k, sigma[k]));
     let is_told = |k: usize| {
@@ -424,11 +428,12 @@ fn wrong_arm(offset: &Offset, point: [f64; 3]) -> Option<Finding> {
     })
 }
 
-/// Outages at whose end the error is more than 3σ, in more of them than chance allows.
+/// Outages with an end error above 3σ, if there are more of them than chance allows.
 pub(super) fn bold_outages(drift: &[Drift]) -> Option<Finding> {
     let ratios = drift.iter().map(Drift::end_ratio).filter(|ratio| ratio.is_finite());
     let (all, bold) = ratios.fold((0_u32, 0_u32), |(all, bold), ratio| (all + 1, bold + u32::from(ratio > 3.0)));
-    // χ² of two degrees of freedom exceeds 9 with exp(−9/2), and that so often or oftener:
+    // χ² of two degrees of freedom exceeds 9 with probability exp(−9/2). This is the probability of `bold` or more such
+    // outages:
     let p = (-4.5_f64).exp();
     let mut chance = 1.0;
     let mut exactly = (1.0 - p).powi(i32::try_from(all).ok()?);
@@ -443,12 +448,13 @@ pub(super) fn bold_outages(drift: &[Drift]) -> Option<Finding> {
     })
 }
 
-/// The outage with the error at its end that is most σ, where so many of them are beyond what chance allows the largest of all.
+/// The outage whose end error is largest in σ, if the largest of this number of outages exceeds what chance allows.
 pub(super) fn far_outage(drift: &[Drift]) -> Option<Finding> {
     let known = drift.iter().filter(|d| d.end_ratio().is_finite());
     let all = known.clone().count() as f64;
     let worst = known.max_by(|a, b| a.end_ratio().total_cmp(&b.end_ratio()))?;
-    // Bonferroni: the largest of n squares, each χ² of two degrees of freedom at most, exceeds x with n exp(−x/2) at most.
+    // Bonferroni bound: the largest of n squares, each χ² of at most two degrees of freedom, exceeds x with probability
+    // ≤ n exp(−x/2).
     let chance = all * (-0.5 * worst.end_ratio().powi(2)).exp();
     let moved = worst.moved.as_ref().filter(|moved| moved.sigmas > MOVED).map(|moved| {
         format!(
@@ -470,7 +476,7 @@ pub(super) fn far_outage(drift: &[Drift]) -> Option<Finding> {
     })
 }
 
-/// What makes an error grow faster than its 1σ.
+/// The causes of an error that grows faster than its 1σ.
 fn drifting() -> String {
     "raise the noise of the process or the random walk of its biases (`fusion allan` measures both); a constraint that does not hold, \
      such as a false `zero_velocity`, does the same"

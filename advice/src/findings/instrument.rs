@@ -1,4 +1,4 @@
-//! What a sensor is, as far as advice depends on it: from its block, never from its name.
+//! The properties of a sensor that advice depends on. They come from its block, never from its name.
 
 use super::moved::Reports;
 use fusion::config::Node;
@@ -17,38 +17,38 @@ pub(super) struct Instrument {
     pub(super) source: String,
     /// Whether it is a pseudo-measurement, which no instrument makes.
     pub(super) is_constraint: bool,
-    /// What of the solution it measures directly; none of what is something else.
+    /// The part of the solution that it measures directly; `None` if it measures something else.
     pub(super) measures: Option<Measures>,
-    /// Which axes of it: north, east, down, or roll, pitch, yaw.
+    /// The measured axes: north, east, down, or roll, pitch, yaw.
     pub(super) axes: [bool; 3],
-    /// Whether it has a gate of its own.
+    /// Whether the sensor has a gate.
     pub(super) has_gate: bool,
-    /// Whether it measures a horizontal position, which alone a gate of two conditions judges.
+    /// Whether it measures a horizontal position: a two-condition gate judges nothing else.
     pub(super) has_horizontal_position: bool,
     /// Whether its gate has a recovery, which can be forbidden.
     pub(super) has_recovery: bool,
-    /// The limits of the detector that tells when it holds; empty where no stage does.
+    /// The limits of the detector that decides when it holds; empty if it has no such stage.
     pub(super) limits: Vec<String>,
-    /// The sensor with which alone it is used.
+    /// The leader: the sensor is used only together with it.
     pub(super) leader: Option<String>,
-    /// Its bias; none where its block has no bias.
+    /// Its bias; `None` if its block has no bias.
     pub(super) bias: Option<Bias>,
-    /// What of its rows may be wrong.
+    /// The properties of its rows that may be wrong.
     pub(super) channels: &'static [&'static str],
-    /// What else may be: the other parameters that its block has, fixed or estimated.
+    /// The other parameters of its block that may be wrong, fixed or estimated.
     pub(super) parameters: Vec<String>,
-    /// The 1σ that its source may report; none where the sensor takes it, or cannot.
+    /// The 1σ that its source may report; `None` if the sensor already uses it, or cannot use it.
     pub(super) reports: Option<Reports>,
 }
 
-/// What a design says of the bias of a sensor.
+/// How a design declares the bias of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Bias {
-    /// It is no state.
+    /// The bias is not a state.
     Fixed,
-    /// A state that is constant.
+    /// A constant state.
     Constant,
-    /// A state that is a random walk.
+    /// A random-walk state.
     Walk,
     /// A state with a correlation time.
     Correlated,
@@ -73,7 +73,8 @@ impl Measures {
         }
     }
 
-    /// That which has the dimension of a residual; a direction, of gravity or of the magnetic field, tells of attitude.
+    /// The part with the dimension of this residual. A direction (of gravity or of the magnetic field) measures
+    /// attitude.
     pub(super) fn of(dimension: Dimension) -> Option<Self> {
         let kinds = [
             (dim::Length::KIND, Self::Position),
@@ -90,7 +91,7 @@ impl Measures {
 }
 
 impl Bias {
-    /// Of the field `bias` of a sensor; whether it is a state of the filter.
+    /// From the field `bias` of a sensor; `is_state`: the bias is a state of the filter.
     fn of(field: Option<&Node>, is_state: bool) -> Self {
         let is_set = |key: &str| field.is_some_and(|f| f.get(key).is_some());
         match is_state {
@@ -103,7 +104,7 @@ impl Bias {
 }
 
 impl Instrument {
-    /// The sensors of a design, but for those inside stages; `states` are the parameters that it estimates.
+    /// The sensors of a design, except those inside stages. `states` are the parameters that the run estimated.
     pub(super) fn of_design(design: &Design, states: &[FinalState]) -> Vec<Self> {
         let blocks = registry::all();
         let schema = |role: Role, node: Option<&Node>| {
@@ -143,12 +144,12 @@ impl Instrument {
         sensors.collect()
     }
 
-    /// What of it may be wrong but its noise, in a list.
+    /// A list of the properties that may be wrong, other than the noise.
     pub(super) fn parts(&self) -> String {
         self.parts_but("")
     }
 
-    /// The same without the parameter that is spoken of.
+    /// The same list without the parameter that the finding already names.
     pub(super) fn parts_but(&self, told: &str) -> String {
         let parameters = self.parameters.iter().filter(|name| *name != told).map(|name| format!("`{name}`"));
         let channels = self.channels.iter().filter(|_| !self.is_constraint).map(|part| (*part).to_owned());
@@ -156,12 +157,12 @@ impl Instrument {
         listed(&parts)
     }
 
-    /// Whether it says when a vehicle keeps to something, and not what an instrument measures.
+    /// Returns true if it reports when a constraint holds, instead of the measurement of an instrument.
     pub(super) fn is_detected(&self) -> bool {
         self.is_constraint || !self.limits.is_empty()
     }
 
-    /// Whether it and another one are parts of one instrument.
+    /// Whether this sensor and another one are parts of one instrument.
     pub(super) fn is_of_one_with(&self, other: &Self) -> bool {
         let leads = |a: &Self, b: &Self| b.leader.as_ref() == Some(&a.name);
         self.source == other.source || leads(self, other) || leads(other, self)
@@ -177,7 +178,7 @@ pub(super) fn listed(names: &[String]) -> String {
     }
 }
 
-/// What of a stage, which may not be there, decides whether it has a row.
+/// The limits of a stage that decide whether it emits a row; empty if there is no such stage.
 fn limits(design: &Design, stage: &str) -> Vec<String> {
     let fields = design.stages.iter().filter(|s| s.name == stage).flat_map(|s| s.node.entries());
     let is_limit = |key: &str| !["type", "source", "rate", "test_rate"].contains(&key);
@@ -185,8 +186,8 @@ fn limits(design: &Design, stage: &str) -> Vec<String> {
     limits.map(|field| format!("`stage.{stage}.{}`", field.key)).collect()
 }
 
-/// The fields of a sensor that say how it measures: those that may be states, tables of such, and other quantities. Its bias
-/// is told apart from them.
+/// The measurement parameters of a sensor: possible states, tables of them, and other quantities. The bias is excluded:
+/// it is handled separately.
 fn parameters(schema: &serde_json::Value) -> Vec<String> {
     fn may_be_state(field: &serde_json::Value) -> bool {
         let choices = field["anyOf"].as_array();
@@ -206,8 +207,8 @@ fn parameters(schema: &serde_json::Value) -> Vec<String> {
     named.map(|(name, _)| name.clone()).collect()
 }
 
-/// The settings of an inertial process that say how fast its errors grow between measurements, the most specific first;
-/// none of another process.
+/// The settings of an inertial process that define how fast its errors grow between measurements, the most specific
+/// first; empty for other processes.
 pub(super) fn growth(process: &Node) -> Vec<String> {
     let kind = process.get("type").and_then(|kind| kind.as_str());
     let blocks = registry::all();
@@ -228,7 +229,7 @@ pub(super) fn growth(process: &Node) -> Vec<String> {
     own.map(|(part, key)| format!("`process.{part}.{key}`")).collect()
 }
 
-/// The biases of the input that are states which nothing moves.
+/// The input biases that are constant states.
 pub(super) fn constant_biases(process: &Node) -> Vec<String> {
     let is_constant = |part: &str| {
         let bias = process.get(part).and_then(|node| node.get("bias"));
@@ -238,7 +239,7 @@ pub(super) fn constant_biases(process: &Node) -> Vec<String> {
     parts.map(|part| format!("`process.{part}.bias`")).collect()
 }
 
-/// The 1σ that the source of a sensor may report and the sensor does not take.
+/// The 1σ that the source of a sensor may report and that the sensor does not use.
 fn reports(design: &Design, sensor: &Named<SensorDesign>) -> Option<Reports> {
     let noise = &sensor.block.common.noise;
     let channel = sensor.block.model.reported_sigma().filter(|_| !noise.from_source)?;
@@ -252,7 +253,7 @@ fn reports(design: &Design, sensor: &Named<SensorDesign>) -> Option<Reports> {
     })
 }
 
-/// The axes of the solution that so many rows of a reading tell of.
+/// The axes of the solution that a reading with this number of rows measures.
 fn axes(measures: Option<Measures>, rows: usize, reading: &Reading) -> [bool; 3] {
     let is_vertical = reading.channels().iter().any(|c| ["depth", "height"].contains(&&*c.name));
     match (measures, rows) {

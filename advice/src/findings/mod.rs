@@ -1,4 +1,4 @@
-//! What to look at next: advice that follows from the statistics of a run.
+//! Advice on the next step, which follows from the statistics of a run.
 //!
 //! ```text
 //! design ──▶ what each sensor is (instrument or constraint, what it measures, whether its bias can be a state)
@@ -6,17 +6,17 @@
 //! summary ─▶ faults, gates, NIS, NEES, gaps ───────────────┴──▶ findings, the first to look at first
 //! ```
 //!
-//! Each finding names its evidence in figures and the setting to change. The order is that of cause and effect: a
-//! sensor that disagrees is told before the errors against the reference, for they follow from it. Of what several
-//! causes explain, a recorded log is compared with itself first (`fusion check --data`). Errors against the
-//! reference outrank innovations: they are small, too, where the estimate follows a slow error of a sensor. A
-//! constraint has no instrument: nothing is said of its bias, and nothing where it is kept better than declared.
+//! Each finding names its evidence in figures and the setting to change. Causes come before effects: a sensor that
+//! disagrees is reported before the errors against the reference, which follow from it. If several causes are possible,
+//! a recorded log is first compared with itself (`fusion check --data`). Errors against the reference outrank
+//! innovations: innovations are small, too, if the estimate follows a slow error of a sensor. A constraint has no
+//! instrument: its bias is not reported, and neither is a constraint that holds better than declared.
 //!
-//! Every setting that advice names is one that the block in question has. Where it is open which of several is wrong,
-//! the advice is a run that tells: without the first that disagreed, or without the one that no gate judges.
+//! Advice names only settings that the block has. If the wrong sensor is not clear, the advice is a run that decides
+//! it: a run without the first sensor that disagreed, or without the sensor that has no gate.
 //!
-//! Source   Bar-Shalom, Li, Kirubarajan 2001, §5.4: what a mean NEES or NIS outside its band means
-//! Not here what a run without findings proves: nothing, if its data do not move the vehicle enough
+//! Source   Bar-Shalom, Li, Kirubarajan 2001, §5.4: the meaning of a mean NEES or NIS outside its band
+//! Not here proof of correctness: a run without findings proves nothing if its data do not excite the vehicle enough
 
 mod errors;
 mod instrument;
@@ -43,32 +43,33 @@ fusion::inventory::submit! {
     }
 }
 
-/// What compares a log with itself.
+/// The command that compares a log with itself.
 const CHECK: &str = "`fusion check DESIGN --data DIR`";
-/// The mean statistic over its degrees of freedom from which on it is worth a change: errors are then
-/// √1.5 = 1.22 times the 1σ of the filter.
+/// A mean statistic over its degrees of freedom above this is worth a change: errors are then √1.5 = 1.22 times their
+/// 1σ.
 const LARGE: f64 = 1.5;
-/// The same from which on no noise explains it: innovations are √50 = 7 times their 1σ, all of them.
+/// No noise explains a larger mean: all innovations are √50 = 7 times their 1σ.
 const FAR: f64 = 50.0;
-/// The 1σ of a parameter over that at its start from which on the data told nothing of it.
+/// A parameter is not identifiable if its final 1σ is more than this share of its initial 1σ.
 const LEARNT: f64 = 0.9;
-/// A 1σ of an angle from which on its sine and cosine are no straight lines within it \[rad\].
+/// Above this 1σ of an angle, its sine and cosine are not linear within the 1σ \[rad\].
 const POOR: f64 = 1.0;
-/// A 1σ of an angle at the start from which on what one linearisation makes of it is worth a look: at three of them its cosine is
-/// off by a tenth \[rad\].
+/// Above this initial 1σ of an angle, the error of one linearisation is worth a look: at 3σ its cosine is wrong by a
+/// tenth \[rad\].
 const UNCERTAIN: f64 = 8.0 * core::f64::consts::PI / 180.0;
-/// A part of the log before the start that no alignment needs: it is not what the log is for.
+/// A start after this share of the log is reported: no alignment needs so long, and the log before it is unused.
 const LATE: f64 = 0.25;
-/// A heading that is so far from another is another one, and no better estimate of it: as health has it \[rad\].
+/// Two headings that differ by more are different headings, not a better estimate of one heading. Health uses the same
+/// limit \[rad\].
 const ANOTHER: f64 = 15.0 * core::f64::consts::PI / 180.0;
-/// More samples of the input than these out of range are more than a blow or two.
+/// More input samples out of range are more than a blow or two.
 const BLOWS: u64 = 4;
-/// So many samples of the input outside its declared range, as a share of all, are more than a blow or two.
+/// A larger share of input samples outside the declared range is more than a blow or two.
 const BEYOND: f64 = 1e-3;
-/// A stretch without rows that is worth a word: so many intervals of its source, and seconds.
+/// A stretch without rows is reported if it is longer than this number of intervals of its source and of seconds.
 const GAP: (f64, f64) = (10.0, 3.0);
 
-/// What was found in a run of `design`; nothing in one that is consistent.
+/// The findings of a run of `design`; empty if the run is consistent.
 #[must_use]
 pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
     if summary.started.is_none() {
@@ -96,7 +97,7 @@ pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
     judged.findings()
 }
 
-/// A log with rows in all of its sources, of which no filter was started.
+/// A log with rows in all of its sources, in which no filter was started.
 fn never_started(design: &Design, summary: &Summary) -> Option<Finding> {
     let is_simulated = design.simulation.is_some();
     let has_rows = is_simulated || summary.sources.iter().all(|s| s.rows > 0) && !summary.sources.is_empty();
@@ -121,28 +122,28 @@ fn never_started(design: &Design, summary: &Summary) -> Option<Finding> {
     })
 }
 
-/// A run, and what its sensors are.
+/// A run and the properties of its sensors.
 #[derive(Clone, Copy)]
 struct Judged<'a> {
     instruments: &'a [Instrument],
     summary: &'a Summary,
-    /// Whether the rows are those of a log, and not simulated.
+    /// Whether the rows are recorded, not simulated.
     is_recorded: bool,
-    /// The point of the reference as it is declared \[m\].
+    /// The declared point of the reference \[m\].
     point: [f64; 3],
-    /// Whether position, velocity, attitude of the reference count as exact.
+    /// Whether position, velocity, attitude of the reference are declared as exact.
     is_exact: [bool; 3],
-    /// Whether the filter has one estimate, and linearises each measurement there alone.
+    /// Whether the filter has one estimate and linearises each measurement only there.
     linearises_once: bool,
-    /// Whether it does so in an invariant chart.
+    /// Whether it uses an invariant chart.
     is_invariant: bool,
-    /// What the reference has in common with sensors, and the clock of the input.
+    /// The channels that the reference shares with sensors, and the clock of the input.
     stamps: &'a Stamps,
-    /// The biases of the input that are states which nothing moves.
+    /// The input biases that are constant states.
     constant_biases: &'a [String],
     /// The silence that separates one recording from the next \[s\].
     restart_after: Option<f64>,
-    /// The settings of the process that say how fast its errors grow.
+    /// The settings of the process that define how fast its errors grow.
     growth: &'a [String],
 }
 
@@ -172,7 +173,7 @@ impl Judged<'_> {
         let large: Vec<Finding> = self.sensors().filter_map(|(i, s)| self.large(i, s)).collect();
         let is_told = |name: &str| [&large, &refused].into_iter().flatten().chain(&first).any(|f| f.about == name);
         let moved = if input.is_some() { Vec::new() } else { self.moved(is_told) };
-        // What errors follow from, by the words that refer to it.
+        // The causes of errors, in the words that refer to them.
         let mut causes: Vec<String> = Vec::new();
         causes.extend(beyond.iter().map(|_| "the range of the input".to_owned()));
         causes.extend(disturbed.iter().map(|_| "the faults".to_owned()));
@@ -194,7 +195,8 @@ impl Judged<'_> {
             }
         }
         let errors = self.all_errors(&causes);
-        // What is small of a sensor that refused good ones says nothing: it saw those that agree alone.
+        // A small NIS means nothing for a sensor whose gate rejected good measurements: only those that agree were
+        // counted.
         let is_told = |name: &str| counted.iter().any(|f| f.about == name) || refused_in_a_row.as_deref() == Some(name);
         let rest = || self.sensors().filter(|(i, _)| !is_told(&i.name));
         ill.into_iter()
@@ -240,12 +242,12 @@ impl Judged<'_> {
             .filter_map(|(i, s)| Some((i, s.nis.as_ref()?)))
     }
 
-    /// The mean NEES of what a sensor measures.
+    /// The NEES of the part that a sensor measures.
     fn nees(&self, what: Measures) -> Option<&Consistency> {
         nees_of(self.summary.score.as_ref()?, what)
     }
 
-    /// Where no sensor agrees by far, it is what they all are compared with.
+    /// If all sensors disagree by far, the fault is in the process input: all are compared with it.
     fn all_disagree(&self) -> Option<Finding> {
         let judged = Measures::ALL.into_iter().flat_map(|what| self.measuring(what));
         let judged: Vec<(&Instrument, &Consistency)> = judged.collect();
@@ -263,7 +265,7 @@ impl Judged<'_> {
         )))
     }
 
-    /// The same where every gate rejects often, of three sensors at least, which have not all one source.
+    /// The same if every gate rejects often, for at least three sensors that do not share one source.
     fn all_refused(&self) -> Option<Finding> {
         let gated: Vec<(&Instrument, &SensorStatistics)> = self.sensors().filter(|(i, _)| i.has_gate && !i.is_constraint).collect();
         let each: Option<Vec<String>> = gated
@@ -277,7 +279,8 @@ impl Judged<'_> {
         let open: Vec<&Instrument> = open.collect();
         let first = gated.iter().map(|(_, s)| *s);
         let first = first.min_by(|a, b| disagrees_from(a).total_cmp(&disagrees_from(b)));
-        // What has no gate is followed, whether it is right or not; of the others the first to disagree may be the only one.
+        // The estimate follows a sensor without a gate, right or wrong. Among the others, the first to disagree may be
+        // the only wrong sensor.
         if let [open] = open.as_slice() {
             let name = &open.name;
             finding.advice = format!(
@@ -313,8 +316,8 @@ impl Judged<'_> {
         })
     }
 
-    /// A parameter that has gone further from its initial value than its 1σ there allows, and is there at the end; whether it
-    /// is of the input.
+    /// A parameter that moved further from its initial value than its initial 1σ allows, and is still there at the end.
+    /// The flag says whether it belongs to the input.
     fn far_parameter(&self) -> Option<(bool, Finding)> {
         let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
         let mut reasons = own.transitions.last().filter(|_| own.further_transitions == 0)?.reasons.iter();
@@ -353,7 +356,7 @@ impl Judged<'_> {
         })
     }
 
-    /// A heading that the bank showed for a good part of the run, and gave up for another one.
+    /// A heading that the bank showed for a large part of the run and then replaced by another one.
     fn changed(&self) -> Option<Finding> {
         let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
         let from = self.summary.started?;
@@ -370,7 +373,7 @@ impl Judged<'_> {
         })
     }
 
-    /// A start so late that most figures say nothing of the log.
+    /// A start so late that most figures do not describe the log.
     fn late_start(&self) -> Option<Finding> {
         let (at, wait) = (self.summary.started?, self.summary.late_start()?);
         let other = if self.is_recorded {
@@ -387,24 +390,25 @@ impl Judged<'_> {
         })
     }
 
-    /// A start so poor that one linearisation does not reach the truth, where nothing shows that it did.
+    /// An initial σ so large that one linearisation does not reach the truth, if no statistic shows that it did.
     fn poor_start(&self) -> Option<Finding> {
         let (name, sigma) = self.summary.start_angle.as_ref().filter(|(_, sigma)| *sigma > POOR)?;
         let is_found = self.nees(Measures::Attitude).is_some_and(|c| !is_large(c));
-        // An invariant chart is one of the attitude or heading that the process moves.
+        // An invariant chart covers only the attitude or heading that the process moves.
         let is_moved = self.summary.parameters.iter().all(|p| p.name != *name);
         let chart = if is_moved {
             ", with `filter.chart = \"right_invariant\"`"
         } else {
             ""
         };
-        // Where the process alone has it, no sensor is linearised in it.
+        // If only the process has the angle, no sensor is linearised in it.
         let again = if is_moved || name.contains('.') {
             format!(", or linearise again (`filter.update = \"iterated\"`{chart})")
         } else {
             String::new()
         };
-        // An inertial unit feels which way it accelerates; of dead reckoning with an unknown speed astern fits as ahead does.
+        // An inertial unit measures the direction of its acceleration. In dead reckoning with an unknown speed, astern
+        // fits as well as ahead.
         let astern = if self.growth.is_empty() {
             "; where nothing tells the sign of the speed ahead, neither the one estimate nor several decide between a heading and its \
              opposite: compare the course with the way the nose points, or give a sensor of the speed ahead"
@@ -421,14 +425,14 @@ impl Judged<'_> {
         })
     }
 
-    /// A heading that was hardly known at the start, where the attitude is much worse than the filter says, or where no sensor tells
-    /// it and these coordinates do nevertheless.
+    /// A heading with a large initial σ, if the attitude is much worse than the filter says. Also an unobserved heading
+    /// that these coordinates make seem observed.
     fn uncertain_start(&self) -> Option<Finding> {
         let known = self.summary.start_angle.as_ref();
         let (name, sigma) = known.filter(|(_, sigma)| (UNCERTAIN..=POOR).contains(sigma))?;
         let is_moved = self.summary.parameters.iter().all(|p| p.name != *name);
         let is_inertial = !self.growth.is_empty();
-        // Course and place tell a heading, too; a height does not.
+        // Course and position also make the heading observable; a height does not.
         let is_level = |i: &&Instrument| !i.is_constraint && i.measures.is_some() && (i.axes[0] || i.axes[1]);
         let is_told = self.instruments.iter().any(|i| is_level(&i));
         let why = match self.nees(Measures::Attitude).filter(|c| is_large(c)) {
@@ -436,8 +440,8 @@ impl Judged<'_> {
             None if is_inertial && !is_told => "no sensor tells a heading".to_owned(),
             None => return None,
         };
-        // What measures the heading is not straight in it: it is linearised again. Where nothing does, what else is measured must
-        // not seem to tell it.
+        // A measurement of the heading is nonlinear in it: linearise it again. Without one, the other measurements must
+        // not make the heading seem observed.
         let is_measured = |i: &Instrument| i.measures == Some(Measures::Attitude) && !i.is_constraint;
         let other = if self.instruments.iter().any(is_measured) {
             "`filter.backend = \"iekf\"`, which linearises again"
@@ -456,7 +460,7 @@ impl Judged<'_> {
         })
     }
 
-    /// The stream of the process input, where no declared fault disturbs it.
+    /// The stream of the process input, if no fault disturbs it.
     fn undisturbed_input(&self) -> Option<&str> {
         let process = self.summary.consumers.iter().find(|c| c.name == "process")?;
         let has_faults = |s: &fusion::run::SourceStatistics| s.name == process.stream && !s.report.disturbed.is_empty();
@@ -464,7 +468,7 @@ impl Judged<'_> {
         (!is_declared && !self.summary.sources.iter().any(has_faults)).then_some(&process.stream)
     }
 
-    /// Samples of the input that were taken for spikes; and whether the estimate is worse than it says.
+    /// Input samples that were treated as spikes. The flag says whether the estimate is worse than its covariance.
     fn spikes(&self) -> Option<(bool, Finding)> {
         let stream = self.undisturbed_input()?;
         let process = self.summary.consumers.iter().find(|c| c.name == "process" && c.spikes > 0)?;
@@ -490,7 +494,7 @@ impl Judged<'_> {
         })
     }
 
-    /// Parameters that the data told nothing of: none of their 1σ fell.
+    /// Parameters that are not identifiable: none of their 1σ decreased.
     fn unlearnt(&self) -> Option<Finding> {
         let unlearnt = || self.summary.parameters.iter().filter(|p| is_unlearnt(p));
         let about = unlearnt().next()?.name.clone();
@@ -514,7 +518,7 @@ impl Judged<'_> {
         })
     }
 
-    /// Sources of sensors that were silent for long, where no fault, declared outage or declared restart says so.
+    /// Sources of sensors with long gaps that no fault, declared outage or declared restart explains.
     fn gaps(&self) -> impl Iterator<Item = Finding> {
         let restart_after = self.restart_after;
         let separates = move |gap: f64| restart_after.is_some_and(|silence| gap > silence);
@@ -534,7 +538,7 @@ impl Judged<'_> {
     }
 }
 
-/// What to do where all sensors disagree.
+/// The advice if all sensors disagree.
 fn wrong_input(evidence: String) -> Finding {
     Finding {
         about: "process".to_owned(),
@@ -554,18 +558,18 @@ fn nees_of(score: &Score, what: Measures) -> Option<&Consistency> {
     }
 }
 
-/// Whether the 1σ of a parameter fell on no axis.
+/// Returns true if the 1σ of a parameter decreased on no axis.
 fn is_unlearnt(p: &FinalState) -> bool {
     let mut axes = p.start_sigma.iter().zip(&p.sigma).filter(|(start, _)| **start > 0.0).peekable();
     axes.peek().is_some() && axes.all(|(start, end)| *end >= LEARNT * start)
 }
 
-/// Whether errors are so much larger than expected that it is worth a change.
+/// Returns true if errors are larger than expected by enough to need a change.
 fn is_large(c: &Consistency) -> bool {
     c.verdict() == Some(Verdict::Overconfident) && ratio(c) > LARGE
 }
 
-/// The mean over what it should be.
+/// The mean over its expected value.
 fn ratio(c: &Consistency) -> f64 {
     c.mean / c.dof as f64
 }

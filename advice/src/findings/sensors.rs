@@ -1,4 +1,4 @@
-//! What gates and innovations say of a sensor.
+//! Findings from the gates and innovations of a sensor.
 
 use super::errors::bold_outages;
 use super::instrument::{Bias, Instrument, Measures, listed};
@@ -9,45 +9,48 @@ use fusion::run::{Detector, FaultWindow};
 use fusion::score::{Consistency, Score, Verdict};
 use fusion_tables::{Unit, short};
 
-/// The share of rejected measurements from which on a gate does more than to remove outliers: a gate of 99 %
-/// refuses 1 % of the good ones.
+/// Above this share of rejected measurements, a gate does more than remove outliers: a 99 % gate rejects 1 % of the
+/// good ones.
 const REJECTED: f64 = 0.05;
-/// Fewer measurements say little about a share: of 20, one rejected is already 5 %.
+/// Fewer measurements do not determine a share: of 20, one rejected is already 5 %.
 const FEW: u64 = 20;
-/// The mean statistic over its degrees of freedom below which it is worth a change: errors are √0.5 = 0.71 times the 1σ.
+/// A mean statistic over its degrees of freedom below this is worth a change: errors are √0.5 = 0.71 times the 1σ.
 const SMALL: f64 = 0.5;
-/// The excess of the mean over its degrees of freedom that is worth a word where a log has no reference: errors are 1.1 times
+/// A larger excess of the mean over its degrees of freedom is reported if a log has no reference: errors are 1.1 times
 /// the 1σ.
 const SLIGHT: f64 = 0.2;
-/// The autocorrelation at lag 1 from which on innovations are no noise: half of the error of one is left in the next. Below the
-/// other they are.
+/// Innovations with a larger autocorrelation at lag 1 are correlated: half of each error is left in the next. Below
+/// `WHITE` they count as white.
 const LASTING: f64 = 0.5;
 const WHITE: f64 = 0.2;
-/// Fewer independent errors against the reference judge nothing: of two, the band of a consistent mean reaches from 0.05 to 3.7.
+/// Fewer independent errors against the reference are not enough: with two, the band of a consistent mean spans 0.05 to
+/// 3.7.
 const JUDGE: f64 = 3.0;
-/// Fewer innovations do not tell one from the other: 2/√n is then more than what lies between.
+/// Fewer innovations cannot separate the two: 2/√n is then larger than the distance between them.
 const ENOUGH: u64 = 50;
-/// So many of its own 1σ a mean of innovations is away from zero by more than chance: of thousands of rows none.
+/// A mean innovation that differs from zero by more than this number of its 1σ is significant: among thousands of rows
+/// none does.
 const CERTAIN_MEAN: f64 = 4.0;
-/// Innovations that last count so many times for what they tell: from there on the 1σ of what they measure is √10 = 3 times
-/// too small.
+/// Correlated innovations are overweighted by this factor or more: the 1σ of the estimated quantity is then √10 = 3
+/// times too small.
 const COUNTED: f64 = 10.0;
-/// Below it the declared noise is as large as that asks for: of a dozen that are independent the number is known to a factor of
-/// two, and the variance of a consistent filter is within [`LARGE`].
+/// Below this factor the declared noise already covers the correlation. A dozen independent innovations determine the
+/// factor to a factor of two, and the variance of a consistent filter is within [`LARGE`].
 const COVERED: f64 = 2.0 * LARGE;
-/// An error stands out from so many times the median on: of a normal one the largest of a million are five times the 1σ,
-/// which is less than eight times the median.
+/// An error larger than this number of medians is outstanding. For normal errors, the largest of a million is five
+/// times the 1σ, which is less than eight times the median.
 const OUTSTANDING: f64 = 8.0;
-/// The mean of a constraint from which on it is no matter of how well a vehicle keeps it: innovations are √10 = 3 times their 1σ.
+/// A constraint with a larger mean does not hold at all: innovations are √10 = 3 times their 1σ.
 const BROKEN: f64 = 10.0;
-/// So many measurements refused in a row are no outliers one by one: of 5 % none in ten thousand.
+/// This number of rejections in a row are no single outliers: at 5 % the probability is less than one in ten thousand.
 const STREAK: u64 = 4;
-/// A sensor disagrees before another one if it does so much earlier \[s\]: one of 1 Hz shows it by a few measurements.
+/// A sensor disagrees before another one if it does so earlier by more than this \[s\]. A 1 Hz sensor needs a few
+/// measurements to show it.
 const LEAD: f64 = 2.0;
-/// It follows from a re-acquisition that was so long before it, at most \[s\].
+/// A disagreement follows from a re-acquisition that came before it by less than this \[s\].
 const SOON: f64 = 60.0;
 
-/// What bears good measurements that are worse than declared, of those that the sensor can have.
+/// The gates of this sensor that tolerate good measurements with larger errors than declared.
 fn softer(sensor: &Instrument) -> String {
     let position = if sensor.has_horizontal_position {
         "`two_condition` or "
@@ -58,7 +61,7 @@ fn softer(sensor: &Instrument) -> String {
 }
 
 impl Judged<'_> {
-    /// Disturbed rows that were used while declared faults were at work, where errors are too large.
+    /// Disturbed rows that the filter used while declared faults were active, if errors are too large.
     pub(super) fn disturbed(&self) -> Option<Finding> {
         if !Measures::ALL.into_iter().filter_map(|what| self.nees(what)).any(is_large) {
             return None;
@@ -97,8 +100,8 @@ impl Judged<'_> {
         })
     }
 
-    /// Gates that refuse more than some outliers, and sensors that were believed against the estimate: the first to disagree
-    /// first.
+    /// Gates that reject more than outliers, and sensors that were re-acquired against the estimate. The first to
+    /// disagree comes first.
     pub(super) fn refused(&self) -> Vec<Finding> {
         let gated = self.sensors().filter(|(i, _)| i.has_gate);
         let told = gated.filter_map(|(i, s)| Some((disagrees_from(s), self.reacquired(i, s).or_else(|| self.rejected(i, s))?)));
@@ -107,18 +110,18 @@ impl Judged<'_> {
         told.into_iter().map(|(_, finding)| finding).collect()
     }
 
-    /// That the filter was lost but for declared outages, where that is told first; and the sensor whose measurements were refused
-    /// in a row at that time.
+    /// The filter was lost outside declared outages; this finding comes first. Also returns the sensor whose
+    /// measurements were rejected in a row at that time.
     pub(super) fn lost(&self) -> Option<(Finding, Option<String>)> {
         let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
-        // A filter that never was good is told by what it waits for.
+        // For a filter that was never good, another finding names what it waits for.
         let aligned = own.aligned?;
         let spells = own.spells();
         let is_lost = |s: &Spell| s.state == State::Lost && s.is_ill_undeclared() && s.from >= aligned;
         let lost = || spells.iter().enumerate().filter(|(_, s)| is_lost(s));
         let (at, longest) = lost().max_by(|a, b| a.1.seconds().total_cmp(&b.1.seconds()))?;
         let all = lost().count();
-        // The first of those that follow each other without a good moment in between.
+        // The first ill spell of a chain with no good spell in between.
         let begun = spells[..=at]
             .iter()
             .rev()
@@ -181,7 +184,7 @@ impl Judged<'_> {
         })
     }
 
-    /// A sensor that was believed against the estimate, where a large error follows, or nothing tells of errors.
+    /// A sensor that was re-acquired against the estimate, if a large error follows or the run has no reference.
     fn reacquired(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let last_before = |at: f64| s.reacquired_at.iter().copied().rev().find(|t| (0.0..SOON).contains(&(at - t)));
         let (time, error) = match &self.summary.score {
@@ -191,7 +194,7 @@ impl Judged<'_> {
             }
         };
         let (refused, all) = refused_by_its_gate(s);
-        // Only a declared fault says that it was the sensor, and not the estimate, that was wrong.
+        // Only a declared fault shows that the sensor was wrong, not the estimate.
         let is_own = |w: &&FaultWindow| w.stream == sensor.source || w.stream == sensor.name;
         let fault = self.summary.faults.iter().filter(is_own).find(|w| (w.from..=w.to).contains(&time));
         let advice = match fault {
@@ -216,7 +219,7 @@ impl Judged<'_> {
         })
     }
 
-    /// The sensor that disagreed with the estimate before those that were `refused`.
+    /// The sensor that disagreed with the estimate before the `refused` sensors.
     pub(super) fn first_to_disagree(&self, refused: &[Finding]) -> Option<Finding> {
         let from = disagrees_from;
         let is_refused = |s: &SensorStatistics| refused.iter().any(|f| f.about == s.name);
@@ -224,7 +227,8 @@ impl Judged<'_> {
         let (other, next) = self.sensors().filter(|(_, s)| is_refused(s)).min_by(earlier)?;
         let (sensor, first) = self.sensors().min_by(earlier)?;
         let name = &first.name;
-        // Where two parts of an instrument disagree it is the rest of the sensors, or this one, and not one against the other.
+        // If two parts of one instrument disagree, the fault is in this instrument or in the other sensors, not between
+        // the parts.
         let is_told = !is_refused(first) && !sensor.is_of_one_with(other) && from(first) + LEAD < from(next);
         is_told.then(|| Finding {
             about: name.clone(),
@@ -242,7 +246,7 @@ impl Judged<'_> {
         })
     }
 
-    /// The first thing to do about a sensor that disagrees.
+    /// The first step for a sensor that disagrees.
     fn look(&self, sensor: &Instrument) -> String {
         let parts = sensor.parts();
         if self.is_recorded {
@@ -252,7 +256,7 @@ impl Judged<'_> {
         }
     }
 
-    /// The same for an error that is constant.
+    /// The same for a constant error.
     fn look_for_constant(&self, sensor: &Instrument) -> String {
         let bias = match sensor.bias {
             Some(Bias::Fixed) => ", or declare its `bias` as a state",
@@ -268,7 +272,7 @@ impl Judged<'_> {
     /// Innovations that are larger than the filter expects.
     pub(super) fn large(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let (name, nis) = (&sensor.name, s.nis.as_ref()?);
-        // Of a gate that refuses nothing the power is infinite.
+        // A gate that rejects nothing has an infinite power.
         let is_gated = s.gate_power.iter().any(|power| power.is_finite());
         let look = self.look(sensor);
         let advice = if sensor.is_detected() && ratio(nis) > BROKEN {
@@ -311,7 +315,7 @@ impl Judged<'_> {
         };
         let reported = self.reported(sensor).filter(|_| ratio(nis) <= FAR);
         let advice = reported.map_or_else(|| advice.clone(), |reported| format!("{advice}; {reported}"));
-        // Limits that are too wide let through what is no rest at all.
+        // Limits that are too wide also accept motion.
         let held = self.detector(sensor).filter(|d| d.held > 0).map_or_else(String::new, |d| {
             format!(
                 "; `{}` held in {:.0} % of its tests",
@@ -332,34 +336,36 @@ impl Judged<'_> {
         })
     }
 
-    /// How fast the errors of an inertial process grow, for a sensor that stops their growth when its detector finds rest.
+    /// The settings for the error growth of an inertial process. Only for a sensor that stops the growth when its
+    /// detector finds rest.
     fn growth_between(&self, sensor: &Instrument) -> Option<String> {
         let is_stopping = sensor.is_constraint && sensor.measures == Some(Measures::Velocity) && !sensor.limits.is_empty();
         (is_stopping && !self.growth.is_empty()).then(|| listed(self.growth).replace(" and ", " or "))
     }
 
-    /// Whether each innovation of a sensor is like the one before.
+    /// Whether each innovation of a sensor resembles the one before.
     pub(super) fn is_lasting(&self, name: &str) -> bool {
         let own = self.sensors().find(|(_, s)| s.name == name);
         own.and_then(|(_, s)| lag_1(s)).is_some_and(|rho| rho > LASTING)
     }
 
-    /// Whether the innovations of a sensor are all that tells of it: where errors are known, they judge, and what measures no part
-    /// of the solution may be slow on purpose.
+    /// Returns true if only the innovations can judge a sensor. Known errors judge better. A sensor that measures no
+    /// part of the solution may be slow on purpose.
     fn is_judged_by_innovations(&self, sensor: &Instrument) -> bool {
-        // A few errors that last as long as the run judge nothing.
+        // A few errors that last as long as the run are not enough to judge.
         let judges = |c: &Consistency| c.independent >= JUDGE;
         let is_judged = Measures::ALL.into_iter().any(|what| self.nees(what).is_some_and(judges));
         !sensor.is_constraint && sensor.measures.is_some() && !is_judged
     }
 
-    /// Innovations of a log that are a little larger than expected, but more than chance allows, where nothing else judges.
+    /// Innovations of a log that are slightly larger than expected, but more than chance allows, if there is nothing
+    /// better to judge by.
     pub(super) fn beyond_chance(&self) -> Option<Finding> {
         let judged = self.sensors().filter(|(i, _)| self.is_recorded && self.is_judged_by_innovations(i));
         let nis = judged.filter_map(|(i, s)| Some((i, s.nis.as_ref()?)));
         let is_told = |nis: &Consistency| {
             let excess = ratio(nis) - 1.0;
-            // The band is of 2σ of the mean: so much is beyond 3σ.
+            // The band is 2σ of the mean: this limit is 3σ.
             !is_large(nis) && excess > SLIGHT && excess > 1.5 * (nis.band.1 / nis.dof as f64 - 1.0)
         };
         let (sensor, nis) = nis
@@ -377,10 +383,10 @@ impl Judged<'_> {
         })
     }
 
-    /// A detector that told nothing in a run that went wrong.
+    /// A detector that never held in a run that failed.
     pub(super) fn never_held(&self) -> Option<Finding> {
         let has_health = self.summary.health.iter().any(|h| h.filter.is_empty() && h.is_good());
-        // One run of many does not count what its consumers read.
+        // A summary of several runs does not count the rows of each consumer.
         let had_no_row = |i: &&Instrument| match self.summary.consumers.iter().find(|c| c.name == i.name) {
             Some(consumer) => consumer.rows == 0,
             None => self.detector(i).is_some_and(|d| d.held == 0),
@@ -401,13 +407,13 @@ impl Judged<'_> {
         })
     }
 
-    /// The detector that tells when a sensor holds.
+    /// The detector that decides when a sensor holds.
     fn detector(&self, sensor: &Instrument) -> Option<&Detector> {
         self.summary.detectors.iter().find(|d| d.stage == sensor.source)
     }
 
-    /// Sensors whose measurements count for much more than they tell, because each repeats the error of the one before: the
-    /// first to count most. They explain errors that are no larger than that.
+    /// Sensors whose measurements are overweighted, because each repeats the error of the one before; the most
+    /// overweighted first. They explain errors only up to their own factor.
     pub(super) fn counted(&self) -> Vec<Finding> {
         let nees = || Measures::ALL.into_iter().filter_map(|what| self.nees(what));
         let largest = nees().filter(|c| is_large(c)).map(ratio).fold(COUNTED, f64::max);
@@ -428,12 +434,13 @@ impl Judged<'_> {
         told.into_iter().map(|(_, finding)| finding).collect()
     }
 
-    /// A sensor each of whose measurements repeats the error of the one before.
+    /// A sensor whose measurements each repeat the error of the one before.
     fn repeats(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let (name, rho) = (&sensor.name, lag_1(s).filter(|rho| *rho > LASTING)?);
         let own = &s.innovations;
         let fewest = own.independent.iter().copied().reduce(f64::min)?;
-        // White noise that tells as much: the density of the error at low frequencies is that of its variance times τ.
+        // White noise with the same information: its density equals that of the error at low frequencies, its variance
+        // times τ.
         let white = own.rms.iter().zip(&own.independent);
         let white = white.map(|(rms, n)| rms * (own.count as f64 / n).sqrt()).reduce(f64::max)?;
         let unit = Unit::of_si(own.unit.first()?);
@@ -493,7 +500,7 @@ impl Judged<'_> {
         })
     }
 
-    /// Innovations that are as large as expected, but not independent of each other.
+    /// Innovations with the expected size that are not independent of each other.
     pub(super) fn lasting(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let nis = s.nis.as_ref()?;
         let rho = lag_1(s).filter(|rho| *rho > LASTING)?;
@@ -516,27 +523,27 @@ impl Judged<'_> {
     }
 }
 
-/// Since when a sensor disagreed \[s\]; infinite where it never did.
+/// The time since when a sensor disagreed \[s\]; infinite if it never did.
 pub(super) fn disagrees_from(s: &SensorStatistics) -> f64 {
     s.disagrees_from.unwrap_or(f64::INFINITY)
 }
 
-/// How many good measurements a sensor's own gate rejected, of how many that it judged.
+/// The number of good measurements that a sensor's own gate rejected, and the number that it judged.
 fn refused_by_its_gate(s: &SensorStatistics) -> (u64, u64) {
     let own = s.rejected.saturating_sub(s.with_leader);
-    // Rejected rows that a declared fault disturbed are what the gate is there for.
+    // The gate is meant to reject rows that a declared fault disturbed.
     let good = own - s.disturbed.map_or(0, |d| d.caught).min(own);
     (good, s.accepted + s.reacquired + own)
 }
 
-/// The share of good measurements that its own gate rejected, where it is more than some outliers.
+/// The share of good measurements that its own gate rejected, if it exceeds the share of outliers.
 pub(super) fn rejected_share(s: &SensorStatistics) -> Option<f64> {
     let (good, all) = refused_by_its_gate(s);
     let share = good as f64 / all as f64;
     (all >= FEW && share > REJECTED).then_some(share)
 }
 
-/// Errors that stand out among those of a run: when, and what they are.
+/// The time and text of errors that are much larger than the others of a run.
 fn outstanding(score: &Score) -> impl Iterator<Item = (f64, String)> {
     let horizontal = score.position.as_ref().and_then(|axes| {
         let larger = usize::from(axes.max[1] > axes.max[0]);
@@ -555,28 +562,28 @@ fn outstanding(score: &Score) -> impl Iterator<Item = (f64, String)> {
     horizontal.into_iter().chain(heading)
 }
 
-/// The largest autocorrelation at lag 1 of the innovations of a sensor, where there are enough to tell.
+/// The largest autocorrelation at lag 1 of the innovations of a sensor, if there are enough of them.
 fn lag_1(s: &SensorStatistics) -> Option<f64> {
     let rows = s.innovations.lag_1.iter().filter(|_| s.innovations.count >= ENOUGH);
     rows.copied().reduce(f64::max)
 }
 
-/// How many times the measurements of a sensor count for what they tell: the variance of the innovations in units of that
-/// which the filter expects, times their integrated autocorrelation. 1 of white ones that are as large as expected, and of
-/// correlated ones whose `noise` is raised for it; none of few.
+/// The factor by which the measurements of a sensor are overweighted. It is the variance of the innovations over its
+/// expected value, times their integrated autocorrelation. It is 1 for white innovations of the expected size, and for
+/// correlated ones with a raised `noise`; `None` for few.
 fn counts(s: &SensorStatistics) -> Option<f64> {
     let own = &s.innovations;
     let fewest = own.independent.iter().copied().reduce(f64::min).filter(|_| own.count >= ENOUGH)?;
     Some(ratio(s.nis.as_ref()?) * own.count as f64 / fewest)
 }
 
-/// Whether errors that last are no more than the declared noise is good for.
+/// Whether the declared noise already covers the slow errors.
 fn is_covered(s: &SensorStatistics) -> bool {
     let lasts = lag_1(s).is_some_and(|rho| rho > LASTING);
     lasts && counts(s).is_some_and(|times| times < COVERED)
 }
 
-/// A mean of innovations that is no chance, in words: that of the row that is most of its own 1σ away from zero.
+/// A significant mean innovation, in words: the row whose mean is furthest from zero in its 1σ.
 fn lasting_mean(s: &SensorStatistics) -> Option<String> {
     let own = &s.innovations;
     let rows = own.mean.iter().zip(&own.mean_sigmas).zip(&own.unit).enumerate();
@@ -594,7 +601,7 @@ fn lasting_mean(s: &SensorStatistics) -> Option<String> {
     ))
 }
 
-/// Whether innovations are so much smaller than expected that it is worth a change.
+/// Returns true if innovations are smaller than expected by enough to need a change.
 fn is_small(nis: &Consistency) -> bool {
     nis.verdict() == Some(Verdict::Conservative) && ratio(nis) < SMALL
 }

@@ -1,6 +1,6 @@
-//! What the reference and a sensor have in common where both read one instrument, and the clock of the input.
+//! Channels that the reference shares with a sensor because both read one instrument, and the clock of the input.
 //!
-//! Two rows of one instrument are as late as each other, and of one point of the vehicle, whoever reads them.
+//! Two channels that read the same rows of an instrument have the same latency and the same point on the vehicle.
 
 use super::instrument::Measures;
 use super::{Finding, Judged, is_large};
@@ -12,19 +12,21 @@ use fusion_models::block::Reading;
 use fusion_models::param::ParamSpec;
 use fusion_models::units::{self, Dimensional, dim};
 
-/// By so many 1σ of what is estimated the reference has to differ from it to be told.
+/// The reference has to differ from the estimate by more than this number of its 1σ to be reported.
 const DIFFERS: f64 = 3.0;
-/// The least difference of a latency \[s\] and of a point \[m\] that is worth a word: the centre of an antenna is hardly better known.
+/// Smaller differences of a latency \[s\] and of a point \[m\] are not reported: the centre of an antenna is hardly
+/// better known.
 const LEAST_LATENCY: f64 = 0.01;
 const LEAST_ARM: f64 = 0.02;
-/// A time offset is that of the reference to so much of it: the rest is of the motion in which each was found.
+/// A time offset agrees with that of the reference if they differ by less than this share. The motion differs where
+/// each was found.
 const ALIKE: f64 = 0.25;
 
-/// How late a sensor is, by its design and its estimated offset.
+/// The latency of a sensor, by its design and its estimated offset.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Delay {
     pub(super) sensor: String,
-    /// The state of its offset; none where it is fixed.
+    /// The state of its offset; `None` if it is fixed.
     pub(super) state: Option<String>,
     /// Latency of its channel and offset, and the 1σ of the offset \[s\].
     pub(super) seconds: f64,
@@ -39,22 +41,22 @@ pub(super) struct Common {
     /// The channel of the reference, as `source.withheld.channels.velocity`, and its latency \[s\].
     pub(super) channel: String,
     pub(super) latency: f64,
-    /// The estimated lever arm of the sensor and its 1σ \[m\]; none where it is no state.
+    /// The estimated lever arm of the sensor and its 1σ \[m\]; `None` if it is not a state.
     pub(super) arm: Option<([f64; 3], [f64; 3])>,
 }
 
-/// Stamps of a design.
+/// The time stamps of a design.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stamps {
     pub(super) common: Vec<Common>,
-    /// How late the sensors of position are.
+    /// The latencies of the sensors of position.
     pub(super) of_position: Vec<Delay>,
-    /// The source of the process input, and what is added to its stamps \[s\].
+    /// The source of the process input, and the offset of its stamps \[s\].
     pub(super) input: Option<(String, f64)>,
 }
 
 impl Stamps {
-    /// Of a design; `states` are what it estimated.
+    /// From a design; `states` are its estimated parameters.
     pub(super) fn of_design(design: &Design, states: &[FinalState]) -> Self {
         let source = |name: &str| design.sources.iter().find(|s| s.name == name).map(|s| &s.node);
         let state = |name: &str| states.iter().find(|s| s.name == name);
@@ -120,7 +122,7 @@ pub(super) fn is_one(a: &Node, b: &Node, channel: &str) -> bool {
     a.get("path").is_some() && same("path") && same("time") && first.is_some_and(|path| same(&path))
 }
 
-/// A time as it is written; 0 without one.
+/// A time as it is written; 0 if it is missing.
 pub(super) fn seconds(node: Option<&Node>) -> f64 {
     let text = node.map(|node| node.as_str().map_or_else(|| node.inline(), str::to_owned));
     let time = text.and_then(|text| units::parse(&text).ok());
@@ -130,12 +132,12 @@ pub(super) fn seconds(node: Option<&Node>) -> f64 {
 }
 
 impl Judged<'_> {
-    /// A reference that reads rows of a sensor's instrument as if they were not late, where errors are too large.
+    /// A reference that reads a sensor's instrument without the latency of that sensor, if errors are too large.
     pub(super) fn late_reference(&self) -> Vec<(Measures, Finding)> {
         let told = self.stamps.common.iter().filter(|c| {
             let off = (c.delay.seconds - c.latency).abs();
             let is_far = off > LEAST_LATENCY.max(DIFFERS * c.delay.sigma);
-            // Nothing is stamped before it is measured: then it is another clock that is wrong.
+            // A row cannot be stamped before it is measured: then another clock is wrong.
             is_far && c.delay.seconds > 0.0 && self.nees(c.what).is_some_and(is_large)
         });
         let finding = |c: &Common| Finding {
@@ -161,7 +163,7 @@ impl Judged<'_> {
         all
     }
 
-    /// A reference that reads rows of a sensor's instrument, at another point than the one that is estimated.
+    /// A reference that reads a sensor's instrument with a point that differs from the estimated lever arm.
     pub(super) fn other_arm(&self) -> Option<Finding> {
         let point = self.point;
         let differs = |(arm, sigma): &([f64; 3], [f64; 3])| (0..3).any(|k| (arm[k] - point[k]).abs() > LEAST_ARM.max(DIFFERS * sigma[k]));
@@ -186,8 +188,7 @@ impl Judged<'_> {
         })
     }
 
-    /// Positions that are all too early by as much, those of the reference and those of the sensors: what they are compared
-    /// with is late.
+    /// The positions of the reference and of all sensors are early by the same time: then the process input is late.
     pub(super) fn late_input(&self, offset: &Offset) -> Option<String> {
         let is_alike = |d: &Delay| d.state.is_some() && (d.seconds - offset.latency).abs() < ALIKE * offset.latency.abs();
         let (first, all) = (self.stamps.of_position.first()?, &self.stamps.of_position);

@@ -1,4 +1,4 @@
-//! Clocks that do not go together: at which shift of the stamps two channels tell of the same motion.
+//! Clocks that do not agree: finds the shift of the stamps at which two channels report the same motion.
 
 use super::judge::Expected;
 use super::log::Track;
@@ -6,48 +6,51 @@ use super::motion::Told;
 use super::regression::{CERTAIN, Fit, fit};
 use nalgebra::Vector3;
 
-/// How late a velocity or an attitude may be stamped against the instruments \[s\]: receivers are late by up to half a
-/// second, and what is smoothed in both directions is early.
+/// Typical delays of a velocity or an attitude against the instruments \[s\]. Receivers are late by up to half a
+/// second. Values that were smoothed in both directions are early.
 const LAGS: [f64; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, -0.1, -0.2];
-/// Shifts within which those axes are sought that a shift explains as well as wrong axes do.
+/// Shifts to search for axes if a shift explains the data as well as wrong axes do.
 const SOUGHT: [f64; 13] = [0.0, 0.1, -0.1, 0.2, -0.2, 0.3, -0.3, 0.4, -0.4, 0.5, -0.5, 0.6, -0.6];
-/// Shifts that are searched \[s\], and how closely.
+/// The range of shifts to search \[s\], and the step sizes.
 const WIDEST: f64 = 5.0;
-/// ... where nothing agrees within them: the leap seconds between GPS time and UTC, 18 s since 2017, are within these.
+/// ... if nothing agrees within that range. It includes the leap seconds between GPS time and UTC, 18 s since 2017.
 const FARTHEST: f64 = 20.0;
 const COARSE: f64 = 0.25;
 const FINE: f64 = 0.05;
-/// A shift that is further from all that is usual or declared is told \[s\].
+/// A shift is reported if it differs by more than this from every usual or declared shift \[s\].
 const UNUSUAL: f64 = 0.3;
-/// A vehicle that slips points where it goes that much later \[s\]: its course tells no shift below that.
+/// A slipping vehicle points in its direction of travel later, by up to this time \[s\]. The course cannot show a
+/// shorter shift.
 const SLIP: f64 = 1.5;
-/// An antenna ahead of the point that a vehicle turns about moves aside that much earlier: its arm over the speed \[s\].
+/// An antenna ahead of the turning point of a vehicle moves sideways earlier, by its arm divided by the speed \[s\].
 const LEAD: f64 = 1.0;
-/// The correlation from which on a shift is told: waves, which repeat themselves, agree with a shifted log by less.
+/// The least correlation at which a shift is reported. Waves repeat themselves; their correlation with a shifted log is
+/// lower.
 const PLAIN: f64 = 0.9;
 
-/// What two channels say of their clocks.
+/// The result of the comparison of two clocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Clocks {
-    /// Too little.
+    /// The data are not sufficient.
     Untold,
-    /// The stamps go together, as well as is usual.
+    /// The stamps agree as well as usual.
     Together,
-    /// What is expected is stamped so much later than what is measured \[s\].
+    /// The expected values are stamped later than the measured ones, by this time \[s\].
     Apart(f64),
 }
 
-/// The usual lag at which all axes together correlate best, whichever they are; `shift` is that of the clocks.
+/// The usual lag with the best correlation over all axes together, for any assignment of axes. `shift` is the shift of
+/// the clocks.
 pub(super) fn usual(measured: &Track, told: &[Told], shift: f64) -> f64 {
     best(measured, told, LAGS.into_iter().map(|lag| lag + shift))
 }
 
-/// The same, among early and late ones alike.
+/// As `usual`, with early lags as well as late ones.
 pub(super) fn sought(measured: &Track, told: &[Told], shift: f64) -> f64 {
     best(measured, told, SOUGHT.into_iter().map(|lag| lag + shift))
 }
 
-/// The lag within all that is searched at which all axes together correlate best, whichever they are.
+/// The lag with the best correlation over all axes together, within the whole search range, for any assignment of axes.
 pub(super) fn widest(measured: &Track, told: &[Told]) -> f64 {
     within(measured, told, WIDEST)
 }
@@ -70,12 +73,13 @@ fn best(measured: &Track, told: &[Told], lags: impl Iterator<Item = f64>) -> f64
         let fits = Expected::of(measured, told, lag).fits();
         fits.iter().flatten().map(|f| f.correlation.powi(2)).sum::<f64>()
     };
-    // The first of several that are as good.
+    // If several lags are equally good, this takes the first.
     let sizes = lags.map(|lag| (lag, size(lag)));
     sizes.fold((0.0, 0.0), |best, next| if next.1 > best.1 { next } else { best }).0
 }
 
-/// Compares the clocks; `declared` are the delays that the design knows of, and `is_course` says that a course is what tells.
+/// Compares the clocks. `declared` are the delays that the design declares; `is_course` is true if the comparison uses
+/// a course.
 pub(super) fn compare(measured: &Track, told: &[Told], declared: &[f64], is_course: bool) -> Clocks {
     let clearest = |lag: f64| {
         let fits = Expected::of(measured, told, lag).fits();
@@ -103,7 +107,7 @@ pub(super) fn compare(measured: &Track, told: &[Told], declared: &[f64], is_cour
     }
 }
 
-/// Whether the second lag is better for certain: as if both were axes that one is to be chosen of.
+/// Returns true if the second lag is clearly better. The test treats both lags as two axes to choose from.
 fn is_better(measured: &Track, told: &[Told], row: usize, axis: usize, lags: [f64; 2]) -> bool {
     let both = told.iter().filter(|t| t.2[row].is_finite()).filter_map(|(from, to, expected)| {
         let at = |lag: f64| Some(measured.mean(from - lag, to - lag)?[axis]);

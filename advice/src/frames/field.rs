@@ -1,15 +1,19 @@
-//! The axes of a magnetometer and of the gyros beside it: how the field turns in the body has to be how the body turns in the field.
+//! Checks the axes of a magnetometer against the gyros in the same unit. The change of the field in the body must match
+//! the rotation of the body in the field.
 //!
 //! ```text
 //! Δ(P m) = −k ω Δt × (P m̄ − b)     over each interval in which the unit turns
 //! ```
 //!
-//! m is measured, ω the angular rate of the inertial unit, b the field of the body and k a factor, both found by least squares. P is
-//! each of the 24 rotations by quarter turns. k tells of the gyros: 1 where they are right, another number in another unit, negative
-//! where they turn the wrong way. An odd number of wrong signs of the gyros is such a turn, with axes turned by Pᵀ; of the field it is
-//! −P, which turns like P: which of the two it is, is told by the field of the Earth, which points down north of the equator and up
-//! south of it. Strength and unit of the field do not matter. A vehicle that turns about one axis only leaves several P; then only
-//! what all of them say is told.
+//! m is the measured field and ω the angular rate of the inertial unit. Least squares gives the field b of the body and
+//! a factor k. P is each of the 24 rotations by quarter turns. k checks the gyros: it is 1 if they are right, another
+//! number for another unit, and negative if they turn the wrong way. An odd number of wrong gyro signs gives negative
+//! k, with axes turned by Pᵀ.
+//!
+//! An odd number of wrong signs of the field gives −P, which rotates like P. The field of the Earth decides between P
+//! and −P: it points down north of the equator and up south of it. Strength and unit of the field do not matter. A
+//! vehicle that turns about one axis only leaves several candidates P. Then only the common part of all candidates is
+//! reported.
 
 use super::judge::{Compared, Comparison, Judge, LONG, sized, turned};
 use super::log::Track;
@@ -17,44 +21,45 @@ use super::mistake::{self, Axes, DECLARED, Whole, complete, differing, handednes
 use super::regression::FAR;
 use nalgebra::{Matrix3, Vector3};
 
-/// Intervals that are tried \[s\]: short ones for what is turned by hand, longer ones where vehicles turn less than noise does.
+/// Intervals to try \[s\]: a short one for a unit turned by hand, a longer one for vehicles, which turn less than the
+/// noise in a short one.
 const STEPS: [f64; 2] = [0.1, 0.5];
-/// The rate from which on one tells \[rad/s\].
+/// The least angular rate at which an interval counts \[rad/s\].
 const TURNING: f64 = 0.1;
-/// Parts of the log, and intervals of one at least.
+/// Number of parts of the log, and the least number of intervals in a part.
 const PARTS: usize = 10;
 const ENOUGH: usize = 20;
-/// Axes are others where these leave less than so much of what the declared ones leave unexplained, in all of the log and in nearly
-/// each part of it ...
+/// Other axes replace the declared ones if their residual is below this fraction of the declared axes' residual. This
+/// must hold for the whole log, and the other axes must be better in at least `PARTS_BETTER` parts ...
 const BETTER: f64 = 0.3;
 const PARTS_BETTER: usize = 8;
-/// ... and less than so much of all: what is disturbed, or stamped late, follows no axes.
+/// ... and if their residual is below this fraction of the whole change. A disturbed or late field follows no axes.
 const EXPLAINED: f64 = 0.3;
-/// Axes that leave less than so many times what the best ones do may be those.
+/// Axes are possible too if their residual is below this multiple of the best one.
 const ALIKE: f64 = 2.0;
 
-/// A scale of the gyros from one half to two is one of the instrument, not of the unit.
+/// A gyro scale between one half and two is a scale error of the instrument, not another unit.
 const SCALE: f64 = 2.0;
-/// What gyros in degrees, declared as radians, are too large by.
+/// The factor by which gyros in degrees are too large if they are declared as radians.
 const DEGREES: f64 = 180.0 / core::f64::consts::PI;
 
-/// Which declared axis each row is, and whether its negative; `None` where the data do not decide.
+/// For each row the declared axis and whether it is negated; `None` if the data do not decide.
 pub(super) type Known = [Option<(usize, bool)>; 3];
 
-/// What the data say of the axes.
+/// The verdict of the data on the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Told {
-    /// The declared ones explain it as well as any; the rows of which any others would do as well are `None`.
+    /// The declared axes explain the field as well as any others. Rows that are `None` are not decided.
     AsDeclared(Known),
-    /// The axes of the field are these.
+    /// The axes of the field are these instead.
     Other(Axes),
-    /// The gyros turn the other way: their axes are these.
+    /// The gyros turn the wrong way: their axes are these.
     Gyros(Known),
     /// The gyros are too small by a factor.
     Small(f64),
     /// Too few turns.
     Few,
-    /// The field does not follow the gyros, whatever the axes.
+    /// The field does not follow the gyros for any axes.
     Unexplained,
 }
 
@@ -64,10 +69,10 @@ impl Told {
     }
 }
 
-/// How much of the field points along gravity, at least, where its sign tells.
+/// The least share of the field along gravity at which its sign counts.
 const STEEP: f64 = 0.2;
 
-/// Sums over intervals, of one choice of axes.
+/// Sums over intervals, for one choice of axes.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     /// Of d², d = Δ(P m).
@@ -94,7 +99,8 @@ impl Sums {
     }
 
     fn inverse(&self) -> Matrix3<f64> {
-        // About an axis that it does not turn about nothing tells of the field of the body.
+        // The field of the body along an axis without rotation is not observable: the ridge keeps the matrix
+        // invertible.
         let ridge = Matrix3::identity() * (1e-6 * self.bb.trace());
         (self.bb + ridge).try_inverse().unwrap_or_else(Matrix3::zeros)
     }
@@ -109,19 +115,19 @@ impl Sums {
         if size > 0.0 { along / size } else { 0.0 }
     }
 
-    /// The best field of the body for a factor, times that.
+    /// The best field of the body for a factor, multiplied by this factor.
     fn body(&self, factor: f64) -> Vector3<f64> {
         self.inverse() * (self.bw * factor - self.bd)
     }
 
-    /// What that leaves of it.
+    /// The residual for this factor.
     fn left(&self, factor: f64) -> f64 {
         let rest = self.bw * factor - self.bd;
         self.dd - 2.0 * factor * self.wd + factor.powi(2) * self.ww - rest.dot(&self.body(factor))
     }
 }
 
-/// An interval: the change of the field, its mean, the angle turned, and where down is.
+/// An interval: the change of the field, its mean, the rotation angle, and the down direction.
 struct Interval {
     change: Vector3<f64>,
     mean: Vector3<f64>,
@@ -129,8 +135,8 @@ struct Interval {
     down: Vector3<f64>,
 }
 
-/// Judges the axes of a field by the rates and forces of a unit, on this side of the equator, where that is known, and the rates by
-/// the field; also how many intervals tell of it.
+/// Judges the axes of a field by the rates and forces of a unit, and the rates by the field. `is_north` is the
+/// hemisphere, if known. Also returns the number of intervals used.
 pub(super) fn judge(field: &Track, rates: &Track, forces: &Track, is_north: Option<bool>) -> (Told, usize) {
     let judged = STEPS.map(|step| judge_by(&intervals(field, rates, forces, step), is_north));
     let other = |factor: f64| {
@@ -144,7 +150,7 @@ pub(super) fn judge(field: &Track, rates: &Track, forces: &Track, is_north: Opti
         found.map(|(_, count)| (Told::Small(factor), count))
     };
     let told = judged.into_iter().find(|(told, _)| told.is_told());
-    // In another unit they may seem to rest.
+    // In another unit the gyros may seem to rest.
     told.or_else(|| [DEGREES, 1.0 / DEGREES].into_iter().find_map(other))
         .unwrap_or(judged[0])
 }
@@ -176,7 +182,7 @@ fn judge_by(intervals: &[Interval], is_north: Option<bool>) -> (Told, usize) {
     let alike = || (0..all.len()).filter(|k| is_alike(*k));
     let is_size = |factor: f64| (1.0 / SCALE..SCALE).contains(&factor);
     let is_sized = |k: usize| is_size(factors[k]);
-    // What those that are alike agree on.
+    // The rows on which all possible axes agree.
     let agreed = || {
         let of = |k: usize| gyros(&all[k], factors[k] < 0.0);
         let first = of(best);
@@ -206,7 +212,7 @@ fn judge_by(intervals: &[Interval], is_north: Option<bool>) -> (Told, usize) {
     (told, count)
 }
 
-/// The axes of a field, or their opposites: of what points up where it has to point down all signs are wrong.
+/// The axes of the field, or their opposites: if the field points up where it should point down, all signs are wrong.
 fn sided(axes: &Axes, sums: &Sums, intervals: &[Interval], is_north: Option<bool>, is_other: bool) -> Told {
     let factor = sums.factor();
     let down = steepness(axes, sums.body(factor) / factor, intervals);
@@ -218,7 +224,7 @@ fn sided(axes: &Axes, sums: &Sums, intervals: &[Interval], is_north: Option<bool
     }
 }
 
-/// The axes of the gyros, where those of the field are right, that explain the same: Pᵀ, or −Pᵀ.
+/// The axes of the gyros that explain the same data if the axes of the field are right: Pᵀ, or −Pᵀ.
 fn gyros(axes: &Axes, is_reversed: bool) -> Axes {
     let mut gyros = DECLARED;
     for (row, (axis, negative)) in axes.iter().enumerate() {
@@ -227,7 +233,7 @@ fn gyros(axes: &Axes, is_reversed: bool) -> Axes {
     gyros
 }
 
-/// How much of the Earth's field points down: from −1 to 1.
+/// The share of the Earth's field that points down, from −1 to 1.
 fn steepness(axes: &Axes, body: Vector3<f64>, intervals: &[Interval]) -> f64 {
     let earth = |i: &Interval| turned(&i.mean, axes) - body;
     let (along, size) = intervals.iter().fold((0.0, 0.0), |(along, size), i| {
@@ -245,7 +251,7 @@ fn intervals(field: &Track, rates: &Track, forces: &Track, step: f64) -> Vec<Int
     let at = |k: usize| first + step * k as f64;
     let of = |k: usize| {
         let (before, after) = (field.mean(at(k), at(k + 1))?, field.mean(at(k + 1), at(k + 2))?);
-        // Between the middles of both.
+        // Between the midpoints of both.
         let rate = rates.mean(at(k) + 0.5 * step, at(k + 1) + 0.5 * step)?;
         let down = -forces.mean(at(k), at(k + 2))?.try_normalize(1.0)?;
         (rate.norm() > TURNING).then(|| Interval {
@@ -281,7 +287,8 @@ pub(super) fn permutations() -> Vec<Axes> {
 }
 
 impl Judge<'_> {
-    /// Compares every magnetic field with the turns of the inertial unit, where nothing speaks against that.
+    /// Compares each magnetic field with the rotation of the inertial unit, unless something contradicts this
+    /// comparison.
     pub(super) fn fields(&mut self) {
         let mut units = self.all("angular_rate").into_iter().filter(|rates| !self.is_reference(rates));
         let Some((rates, forces)) = units.find_map(|rates| self.beside(&rates, "specific_force").map(|forces| (rates, forces))) else {
@@ -301,10 +308,10 @@ impl Judge<'_> {
         }
     }
 
-    /// Tells what a magnetic field and the turns of the inertial unit say of each other.
+    /// Reports the comparison of a magnetic field with the rotation of the inertial unit.
     fn field(&mut self, track: &Track, rates: &Track, with: &str, told: &Told, samples: usize) {
         let name = self.name(track);
-        // Of the two, which is wrong.
+        // The channel that is wrong.
         let (wrong, with) = match told {
             Told::Gyros(_) | Told::Small(_) => (rates, format!("the turns of {name}")),
             _ => (track, with.to_owned()),
@@ -360,7 +367,7 @@ impl Judge<'_> {
 mod tests {
     use super::*;
 
-    /// Field, rates and forces of a unit that is turned about `about` axes, for 60 s, the field in axes that `axes` puts right.
+    /// Field, rates and forces of a unit that turns about `about` axes for 60 s. `axes` corrects the axes of the field.
     fn unit(about: usize, axes: &Axes) -> [Track; 3] {
         let track = |channel, values: Vec<[f64; 4]>| Track {
             source: 0,
@@ -379,7 +386,7 @@ mod tests {
             let all = [0.8 * (0.7 * t).sin(), 0.6 * (1.1 * t).cos(), 0.9 * (0.5 * t + 1.0).sin()];
             let rate = Vector3::from_fn(|i, _| if 2 - i < about { all[i] } else { 0.0 });
             attitude *= nalgebra::UnitQuaternion::from_scaled_axis(rate * 0.01);
-            // In the body, with a field of its own.
+            // In the body, plus a field of the body itself.
             let field = attitude.inverse() * Vector3::new(19.0, 1.0, 44.0) + Vector3::new(3.0, -5.0, 2.0);
             // The declared axis that row i is found at reads row i.
             let mut declared = Vector3::zeros();
@@ -414,7 +421,7 @@ mod tests {
             let opposite = axes.map(|(axis, negative)| (axis, !negative));
             let expected = if opposite == DECLARED { RIGHT } else { Told::Other(opposite) };
             assert_eq!(told(&unit, Some(false)), expected, "{axes:?}");
-            // Where nobody knows where it is, only what is right in one of them is told.
+            // If the hemisphere is unknown, only a result that is right for one of them is reported.
             let is_right = [axes, opposite].contains(&DECLARED);
             let expected = if is_right { RIGHT } else { Told::Unexplained };
             assert_eq!(told(&unit, None), expected, "{axes:?}");
@@ -423,15 +430,15 @@ mod tests {
 
     #[test]
     fn a_unit_that_turns_about_one_axis_accuses_no_axes_that_may_be_right() {
-        // Turned about the vertical by 90°: the same turns.
+        // Turned about the vertical by 90°: the same rotation.
         let turned = unit(1, &[(1, false), (0, true), (2, false)]);
         assert_eq!(told(&turned, Some(true)), Told::AsDeclared([None, None, Some((2, false))]));
-        // Left-handed: wrong, but others are as good.
+        // Left-handed axes are wrong, but others explain the data as well.
         let left = unit(1, &[(1, false), (0, false), (2, false)]);
         assert_eq!(told(&left, Some(true)), Told::Unexplained);
     }
 
-    /// The unit with gyros whose axis i reads what `axes` says of the right ones, times `factor`.
+    /// The unit with gyros whose axis i reads axis `axes[i]` of the right gyros, times `factor`.
     fn with_gyros(axes: &Axes, factor: f64) -> [Track; 3] {
         let mut unit = unit(3, &DECLARED);
         for values in &mut unit[1].values {
@@ -454,7 +461,7 @@ mod tests {
             let Told::Small(small) = told(&with_gyros(&DECLARED, factor), Some(true)) else {
                 panic!("{factor}: {:?}", told(&with_gyros(&DECLARED, factor), Some(true)));
             };
-            // 10 %: over half a second of such turns an arc is no chord.
+            // 10 %: over half a second of such rotation the arc differs from its chord.
             assert!((small * factor - 1.0).abs() < 0.1, "{factor}: {small}");
         }
         assert_eq!(told(&with_gyros(&DECLARED, 1.05), Some(true)), RIGHT, "a scale is none");

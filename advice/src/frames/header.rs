@@ -1,12 +1,12 @@
-//! Units that are declared, against those that the names of the columns state.
+//! Compares declared units with the units that the names of the columns state.
 
 use crate::inspect::stated_unit;
 use fusion::config::{Diagnostic, Diagnostics, Node, Value};
 use fusion::design::Design;
 use fusion_models::units::{by_letter, parse_unit};
 
-/// Warnings where the `unit` of a channel, or of the stamps, is not the one that the name of its column states:
-/// `columns = ["gyro_x [deg/s]"]` with `unit = "rad/s"`.
+/// Warns if the `unit` of a channel, or of the stamps, differs from the unit in the name of its column: `columns =
+/// ["gyro_x [deg/s]"]` with `unit = "rad/s"`.
 #[must_use]
 pub fn units(design: &Design) -> Diagnostics {
     let mut d = Diagnostics::new();
@@ -22,7 +22,7 @@ pub fn units(design: &Design) -> Diagnostics {
 fn contradiction(table: &Node) -> Option<Diagnostic> {
     let unit = table.get("unit")?;
     let declared = unit.as_str()?;
-    // An offset is a quantity, no column; a height and a course have units of their own.
+    // An offset is a quantity, not a column. A height and a course have separate units.
     let is_other = |key: &str| matches!(key, "height" | "height_unit" | "course" | "unit" | "offset");
     let fields = table.entries().iter().filter(|e| !is_other(&e.key));
     let columns = fields.flat_map(|e| match e.node.value() {
@@ -43,8 +43,8 @@ fn contradiction(table: &Node) -> Option<Diagnostic> {
     Some(Diagnostic::warning(message).at(unit.place()).help(help))
 }
 
-/// Whether two units differ. Letters at the end of a name may be no unit, `mag_g` for one: without brackets only a
-/// unit of the same dimension is believed.
+/// Returns true if two units differ. The last letters of a name may not be a unit, for example `mag_g`. So without
+/// brackets only a unit of the same dimension counts.
 fn differs(column: &str, stated: &str, declared: &str) -> bool {
     let (Ok((stated, of_name)), Ok((declared, dimension))) = (parse_unit(stated), parse_unit(declared)) else {
         return false;
@@ -93,7 +93,7 @@ mod tests {
             r#"{ speed = "SOG", course = "COG [deg]", unit = "kn" }"#,
             r#"{ column = "speed_kmh", unit = "km/h" }"#,
             r#"{ rpy = ["roll", "pitch", "yaw"], unit = "rad", offset = [0, 0, "90 deg"] }"#,
-            // Gauss, by a letter that is grams-force elsewhere.
+            // Gauss, written with the letter that means grams-force elsewhere.
             r#"{ column = "mag_g", unit = "gauss" }"#,
             r#"{ column = "Magnetometer X (G)", unit = "gauss" }"#,
             r#"{ column = "Accelerometer X (G)", unit = "g" }"#,

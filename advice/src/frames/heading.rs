@@ -1,16 +1,17 @@
-//! Headings against courses.
+//! Compares headings with courses.
 
-/// How headings go with courses: length and direction of the mean of e^{i(course − heading)} and e^{i(course + heading)}.
+/// Agreement of headings with courses: length and direction of the mean of e^{i(course − heading)} and e^{i(course +
+/// heading)}.
 pub(super) struct Turned {
     pub(super) along: (f64, f64),
     pub(super) against: (f64, f64),
 }
 
-/// From here on headings go with courses, not by chance.
+/// From this length of the mean, the agreement is not by chance.
 const TIED: f64 = 0.9;
 
 impl Turned {
-    /// `None` where the course did not go round enough to tell one from the other.
+    /// `None` if the course did not turn enough to distinguish `along` from `against`.
     pub(super) fn of(pairs: &[(f64, f64)]) -> Option<Self> {
         let mean = |of: &dyn Fn(&(f64, f64)) -> f64| {
             let (s, c) = pairs
@@ -26,7 +27,7 @@ impl Turned {
         })
     }
 
-    /// What is wrong, and what to write.
+    /// The mistake, and the text to write.
     pub(super) fn wrong(&self) -> Option<(String, String)> {
         let quarters = |angle: f64| (angle / core::f64::consts::FRAC_PI_2).round();
         let near = |angle: f64| (angle - quarters(angle) * core::f64::consts::FRAC_PI_2).abs() < 0.4;
@@ -53,12 +54,12 @@ impl Turned {
         None
     }
 
-    /// Whether the heading goes with the course, however it is turned.
+    /// Returns true if the heading follows the course, with any rotation or sign.
     pub(super) fn is_tied(&self) -> bool {
         self.along.0.max(self.against.0) > TIED
     }
 
-    /// Whether the heading is that of the course.
+    /// Returns true if the heading agrees with the course as declared.
     pub(super) fn is_right(&self) -> bool {
         self.along.0 > TIED && self.wrong().is_none()
     }

@@ -1,4 +1,4 @@
-//! The comparisons, one after the other: what was found wrong before is put right for those that follow.
+//! Runs the comparisons in order. Each mistake found is corrected for the later comparisons.
 
 use super::clock::{self, Clocks};
 use super::free;
@@ -16,49 +16,49 @@ use fusion_models::units::Duration;
 use fusion_tables::short;
 use nalgebra::Vector3;
 
-/// What was compared, and what came of it.
+/// A comparison and its result.
 #[derive(Clone, Debug)]
 pub struct Comparison {
-    /// The channel, `source.channel`, or what else is judged.
+    /// The channel, `source.channel`, or another item that is judged.
     pub what: String,
-    /// With what.
+    /// The other side of the comparison.
     pub with: String,
     /// Samples.
     pub samples: usize,
     /// The correlation along each axis that could be compared.
     pub correlation: Vec<f64>,
-    /// How much better another explanation is than what is declared, in standard errors, along
-    /// the axes where the data can tell; zero where none is better.
+    /// How much better another explanation is than the declared one, in standard errors. It covers the axes that the
+    /// data determine; zero if no other explanation is better.
     pub margin: f64,
-    /// What the data say.
+    /// The result in words.
     pub verdict: String,
 }
 
-/// What recorded data say of the frames of a design.
+/// The results for the frames of a design.
 #[derive(Debug, Default)]
 pub struct Judged {
-    /// What could be compared.
+    /// The comparisons that were possible.
     pub comparisons: Vec<Comparison>,
-    /// What is wrong, as warnings at the place of the declaration.
+    /// The mistakes, as warnings at the place of the declaration.
     pub mistakes: Diagnostics,
 }
 
-/// What is being tried.
+/// The current trial.
 #[derive(Clone, Copy, Debug)]
 pub struct Step<'a> {
-    /// In words.
+    /// The trial in words.
     pub what: &'a str,
-    /// Runs that are done ...
+    /// The number of runs that are finished ...
     pub done: usize,
-    /// ... of so many; what they say decides whether there will be more.
+    /// ... out of this number. Their results decide whether more runs follow.
     pub all: usize,
 }
 
-/// Compares the recorded channels of a design with one another, and its fixed parameters with what its filter estimates;
-/// `progress` hears what is being tried, from several threads.
+/// Compares the recorded channels of a design with one another, and its fixed parameters with its filter's estimates.
+/// Several threads report each trial to `progress`.
 ///
 /// # Errors
-/// What is wrong with the data.
+/// Errors in the data.
 pub fn judge(design: &Design, options: &Options, progress: &(dyn Fn(Step<'_>) + Sync)) -> Result<Judged, Diagnostics> {
     if design.simulation.is_some() {
         return Ok(Judged::default());
@@ -76,12 +76,12 @@ pub fn judge(design: &Design, options: &Options, progress: &(dyn Fn(Step<'_>) + 
     let attitude = judge.attitude(&velocities);
     judge.instruments(&velocities, attitude.as_ref());
     judge.fields();
-    // What lies close together in time is read as its mean.
+    // Values that are close together in time are averaged.
     if has_time {
         judge.ranges();
     }
     let mut found = judge.found;
-    // A parameter is told only by what is right otherwise.
+    // Parameters are judged only if everything else is right.
     if found.mistakes.is_empty() {
         free::judge(design, options, progress, &mut found)?;
     } else {
@@ -95,11 +95,11 @@ pub(super) struct Judge<'a> {
     pub(super) options: &'a Options,
     pub(super) tracks: Vec<Track>,
     pub(super) found: Judged,
-    /// The tracks that were put right.
+    /// The tracks that were corrected.
     pub(super) mended: Vec<(usize, &'static str)>,
 }
 
-/// What is expected along some axes, with what was measured then.
+/// The expected values along some axes, with the values measured at the same time.
 #[derive(Default)]
 pub(super) struct Expected {
     rows: [(Vec<f64>, Vec<Vector3<f64>>); 3],
@@ -116,7 +116,7 @@ impl Expected {
         rows.for_each(|row| self.push(row, expected[row], measured));
     }
 
-    /// What is told, with the means of what was measured `lag` before.
+    /// The expected values, with the means of the values measured `lag` earlier.
     pub(super) fn of(measured: &Track, told: &[motion::Told], lag: f64) -> Self {
         let mut expected = Self::default();
         let pairs = told
@@ -126,7 +126,7 @@ impl Expected {
         expected
     }
 
-    /// Of how many intervals both tell.
+    /// The number of intervals with both values.
     fn count(&self) -> usize {
         self.rows.iter().map(|(expected, _)| expected.len()).max().unwrap_or(0)
     }
@@ -136,7 +136,7 @@ impl Expected {
     }
 }
 
-/// Which axes the data tell.
+/// The axes that the data determine.
 pub(super) fn known(fits: &[Option<Fit>; 3]) -> [Option<(usize, bool)>; 3] {
     [0, 1, 2].map(|row| {
         let fit = fits[row].filter(Fit::is_clear)?;
@@ -145,8 +145,8 @@ pub(super) fn known(fits: &[Option<Fit>; 3]) -> [Option<(usize, bool)>; 3] {
     })
 }
 
-/// The factor that all clear axes are wrong by: of one among several it may be one of that comparison. And how well its logarithm is
-/// known.
+/// The factor by which all clear axes are wrong, and the accuracy of its logarithm. A wrong factor on only one of
+/// several axes may come from the comparison itself.
 pub(super) fn wrong_factor(fits: &[Option<Fit>; 3], limit: f64) -> Option<(f64, f64)> {
     let clear = || fits.iter().flatten().filter(|f| f.is_clear());
     let is_wrong = clear().all(|f| f.wrong_factor(limit).is_some());
@@ -161,19 +161,19 @@ pub(super) fn sized(small: f64) -> String {
     format!("too {size} by a factor of {}", short(by))
 }
 
-/// What a channel is compared with, and how.
+/// The other side of a comparison, and its settings.
 pub(super) struct Compared<'a> {
     pub(super) with: &'a str,
     pub(super) is_world: bool,
-    /// The factor from which on the numbers are wrong.
+    /// The least factor at which the numbers are wrong.
     pub(super) limit: f64,
-    /// What is said where nothing could be compared.
+    /// The text if nothing could be compared.
     pub(super) lack: &'a str,
-    /// How much later the stamps are \[s\].
+    /// The delay of the stamps \[s\].
     pub(super) shift: f64,
-    /// Which sign an axis has, where the data do not decide.
+    /// The axes that give the signs if the data do not decide them.
     pub(super) axes: Option<Axes>,
-    /// What to do instead, if what it is compared with is wrong.
+    /// The advice if the other side of the comparison is wrong.
     pub(super) or: Option<&'a str>,
 }
 
@@ -186,7 +186,7 @@ impl Judge<'_> {
         format!("{}.{}", self.design.sources[track.source].name, track.channel)
     }
 
-    /// The name, of what was put right with a word on it.
+    /// The name, with a remark if the track was corrected.
     pub(super) fn named(&self, track: &Track) -> String {
         let is_mended = self.mended.contains(&(track.source, track.channel));
         self.name(track) + if is_mended { ", put right" } else { "" }
@@ -208,7 +208,7 @@ impl Judge<'_> {
             .cloned()
     }
 
-    /// Tells what the fits of a channel say, or what they lack; the axes and the factor that put it right.
+    /// Reports the result of the fits of a channel, or what they lack. Returns the axes and the factor that correct it.
     pub(super) fn compare(&mut self, track: &Track, fits: &[Option<Fit>; 3], compared: &Compared<'_>) -> (Axes, f64) {
         let known = known(fits);
         let fitted = || fits.iter().flatten();
@@ -246,7 +246,8 @@ impl Judge<'_> {
             margin: fitted().filter(|f| f.is_clear()).map(|f| f.margin).fold(0.0, f64::max),
             verdict,
         });
-        // The data, however little they say; else the rotation of what is in the same housing, where it says the same otherwise.
+        // The data come first, even if they are few. If they agree with the rotation of the housing, this rotation
+        // decides the rest.
         let housing = compared
             .axes
             .filter(|axes| (0..3).all(|row| known[row].is_none_or(|k| k == axes[row])));
@@ -254,7 +255,7 @@ impl Judge<'_> {
             let leans = fits[row].and_then(|f| f.leans(axis));
             leans.or_else(|| housing.map(|axes| axes[row]).filter(|a| a.0 == axis).map(|a| a.1))
         };
-        // A unit that is mounted otherwise is turned, not mirrored.
+        // A different mounting turns a unit but does not mirror it.
         let whole = complete(known, sign).map(|whole| if compared.is_world { whole } else { whole.turned() });
         if !wrong.is_empty() {
             let told = self.axes(track, &known, whole, compared);
@@ -267,7 +268,7 @@ impl Judge<'_> {
         (whole.map_or(mistake::DECLARED, |w| w.axes), factor.map_or(1.0, |f| f.0))
     }
 
-    /// Lists a comparison that could not be made, with what would help.
+    /// Lists a comparison that was not possible, with advice on what would help.
     pub(super) fn untold(&mut self, track: &Track, with: &str, why: &str) {
         self.found.comparisons.push(Comparison {
             what: self.name(track),
@@ -279,7 +280,7 @@ impl Judge<'_> {
         });
     }
 
-    /// The axes of a channel are not those that are declared.
+    /// The axes of a channel differ from the declared ones.
     pub(super) fn axes(
         &self,
         track: &Track,
@@ -333,13 +334,13 @@ impl Judge<'_> {
         let message = format!("`{}` is {}, compared with {with}", self.name(track), sized(small));
         let node = self.node(track);
         let channel = node.at(&format!("channels.{}", track.channel));
-        // A rate that a course is compared with slips and lags.
+        // A rate compared with a course includes slip and lag, so its tolerance is wide.
         let within = if track.channel == "velocity" { within.max(0.05) } else { 0.25 };
         let help = unit(channel, track.channel, small, within, track.rate);
         at(node, track.channel, "unit", message).help(help.unwrap_or_else(|| "check `unit` and `scale`".to_owned()))
     }
 
-    /// The attitude that the instruments are compared with: one that does not contradict the course.
+    /// The attitude to compare the instruments with. It must not contradict the course.
     fn attitude(&mut self, velocities: &[Moved]) -> Option<Seen> {
         let mut found = Vec::new();
         let moved = velocities.first().map(|moved| &moved.velocities);
@@ -364,7 +365,7 @@ impl Judge<'_> {
         found.into_iter().next().map(|(_, seen)| seen)
     }
 
-    /// Compares headings with the course; whether they do not contradict each other.
+    /// Compares headings with the course. Returns true if they do not contradict each other.
     fn heading(&mut self, track: &Track, moved: &Moved) -> bool {
         let pairs = moved.headings(track);
         let Some(agreed) = Turned::of(&pairs) else {
@@ -393,7 +394,7 @@ impl Judge<'_> {
         false
     }
 
-    /// Of a heading that is not tied to the course, what is wrong and what to write, where it is in another unit.
+    /// For a heading that does not follow the course: the mistake and its correction, if it is in another unit.
     fn other_unit(&self, track: &Track, moved: &Moved, agreed: &Turned) -> Option<(String, String)> {
         let declared = self
             .node(track)
@@ -406,7 +407,7 @@ impl Judge<'_> {
         is_right.then(|| (format!("it goes with the course as {unit}"), format!("write `{written}`")))
     }
 
-    /// Every inertial unit.
+    /// Judges each inertial unit.
     fn instruments(&mut self, velocities: &[Moved], attitude: Option<&Seen>) {
         for track in self.all("specific_force") {
             let rates = self.beside(&track, "angular_rate");
@@ -424,10 +425,11 @@ impl Judge<'_> {
         }
     }
 
-    /// Compares the stamps of a unit with those of whatever tells of turns; by how much later what it is compared with is stamped \[s\].
+    /// Compares the stamps of a unit with those of each source that measures rotation. Returns the delay of that
+    /// source's stamps \[s\].
     fn clocks(&mut self, rates: &Track, velocities: &[Moved], attitude: Option<&Seen>) -> f64 {
         let mut told: Vec<(usize, &str, Vec<motion::Told>)> = Vec::new();
-        // What is late as declared is not late by its clock.
+        // A declared delay is not a clock error.
         let known = |source: usize| {
             self.delays(source, |kind| kind.ends_with("velocity"))
                 .first()
@@ -453,7 +455,7 @@ impl Judge<'_> {
             _ => None,
         });
         let is_alone = clocks.contains(&Clocks::Together);
-        // Where something goes together with the unit, the others are wrong; else the unit is.
+        // If a source agrees with the unit, the other sources are wrong. Otherwise the unit is.
         let all: Vec<(usize, &str, f64)> = apart.collect();
         let mistakes: Vec<Diagnostic> = match (&all[..], is_alone) {
             (apart, true) => apart
@@ -470,7 +472,7 @@ impl Judge<'_> {
         }
     }
 
-    /// The delays that the design declares of what sensors of a type read of a source \[s\].
+    /// The delays that the design declares for sensors of a type that read a source \[s\].
     fn delays(&self, source: usize, is_asked: impl Fn(&str) -> bool) -> Vec<f64> {
         let name = &self.design.sources[source].name;
         let of = self
@@ -487,7 +489,7 @@ impl Judge<'_> {
         declared.collect()
     }
 
-    /// The stamps of a source are not those of another clock.
+    /// The stamps of a source disagree with another clock.
     fn shifted(&self, source: usize, shift: f64, with: &str, what: &str) -> Diagnostic {
         let named = &self.design.sources[source];
         let declared: Option<Duration> = named.node.at("time.offset").and_then(|n| n.read(&mut Diagnostics::new()));
@@ -509,8 +511,8 @@ impl Judge<'_> {
         Diagnostic::warning(message).at(place).help(help)
     }
 
-    /// Compares a specific force with gravity and with the motion, where the gyros tell that the unit hardly turns; what puts it
-    /// right.
+    /// Compares a specific force with gravity and with the motion, for times at which the gyros show hardly any
+    /// rotation. Returns the correction.
     fn force(&mut self, track: &Track, rates: Option<&Track>, moved: Option<&Moved>, attitude: Option<&Seen>, shift: f64) -> Force {
         let upright = Upright::of(track);
         let told = |seconds: f64| match (attitude, moved) {
@@ -521,7 +523,8 @@ impl Judge<'_> {
         let mut fast = told(0.0);
         let seek = if attitude.is_some() { clock::sought } else { clock::usual };
         let lag = seek(track, &fast, shift);
-        // Of a foot that swings between two of its attitudes, neither they nor one half-way tell the mean.
+        // A foot swings between two attitude samples. Then neither these samples nor the midpoint between them give the
+        // mean.
         if let Some(rates) = rates.filter(|_| attitude.is_some()) {
             fast.retain(|told| turns_little(rates, told, lag));
         }
@@ -537,7 +540,7 @@ impl Judge<'_> {
         let mut factor = 1.0;
         if let Some(upright) = upright {
             fits[2] = Some(upright.fit());
-            // Gravity tells the unit better than accelerations do.
+            // Gravity determines the unit better than accelerations do.
             factor = if upright.is_wrong() { GRAVITY / upright.size } else { 1.0 };
             fits.iter_mut().take(2).flatten().for_each(|f| f.factor = [factor; 2]);
             if attitude.is_none() && moved.is_some() {
@@ -564,7 +567,7 @@ impl Judge<'_> {
         (known(&fits), factor)
     }
 
-    /// Compares angular rates with the turns of the attitude, or of the course and of gravity.
+    /// Compares angular rates with the rotation of the attitude, or of the course and of gravity.
     fn rates(&mut self, track: &Track, force: Option<(&Track, Force)>, moved: Option<&Moved>, attitude: Option<&Seen>, shift: f64) {
         let with = match (attitude, moved) {
             (Some(seen), _) => format!("the turns of `{}`", seen.name),
@@ -586,7 +589,7 @@ impl Judge<'_> {
             let tilts = tilts(track, forces, right, lag, &moved.velocities).fits();
             (fits[0], fits[1]) = (tilts[0], tilts[1]);
         }
-        // An attitude that is right decides all axes of a unit that turns about all of them.
+        // A correct attitude determines all axes of a unit that turns about all axes.
         let doubt = attitude.filter(|_| known(&fits).contains(&None));
         let doubt = doubt.map(|seen| {
             format!(
@@ -610,42 +613,42 @@ impl Judge<'_> {
     }
 }
 
-/// Whether a unit turns so little in an interval, `lag` before, that its attitude half-way tells the mean.
+/// Returns true if a unit turns so little in an interval, `lag` earlier, that the midpoint attitude gives the mean.
 pub(super) fn turns_little(rates: &Track, (from, to, _): &motion::Told, lag: f64) -> bool {
     let rate = rates.mean_length(from - lag, to - lag);
     rate.is_none_or(|rate| rate * (to - from) < motion::MUCH)
 }
 
-/// Turned about the forward axis by half a turn.
+/// A rotation by 180° about the forward axis.
 const UPSIDE_DOWN: Axes = [(0, false), (1, true), (2, true)];
 
-/// Whether of a unit gravity alone is known, and points up.
+/// Returns true if only gravity is known for the unit, and it points up.
 fn is_upside_down(track: &Track, known: &[Option<(usize, bool)>; 3]) -> bool {
     track.channel == "specific_force" && *known == [None, None, Some((2, true))]
 }
 
-/// Whether a velocity moves, and never the other way along any axis.
+/// Returns true if a velocity moves, but never in both directions along any axis.
 fn is_unsigned(track: &Track) -> bool {
     let one_way = |i: usize| track.values.iter().all(|v| v[i] >= 0.0) || track.values.iter().all(|v| v[i] <= 0.0);
     let moves = track.values.iter().any(|v| v[0] != 0.0 && v[1] != 0.0);
     track.channel == "velocity" && moves && (0..3).all(one_way)
 }
 
-/// An attitude that the instruments are compared with.
+/// An attitude to compare the instruments with.
 struct Seen {
     source: usize,
     name: String,
     attitudes: Attitudes,
 }
 
-/// What would have given enough samples to judge by a course ...
+/// The data that would be enough to judge by a course ...
 const FAST: &str = "not judged: a minute of turns at more than 2 m/s would tell";
-/// ... and by what needs none.
+/// ... and without a course.
 pub(super) const LONG: &str = "not judged: both together for a minute would tell";
-/// Where nothing else tells of motion.
+/// The text if no other channel measures motion.
 const ALONE: &str = "not judged: an attitude, or a velocity of more than 2 m/s, would tell";
 
-/// What is lacking where both tell of so many intervals.
+/// The missing data, if both channels share this number of intervals.
 fn lack(count: usize) -> String {
     match count {
         0 => LONG.to_owned(),
@@ -653,21 +656,21 @@ fn lack(count: usize) -> String {
     }
 }
 
-/// The shift that is told: that of the clocks, or a lag that is earlier than what is smoothed in both directions \[s\].
+/// The shift to report: the clock shift, or an early lag that smoothing in both directions does not explain \[s\].
 fn early(lag: f64, shift: f64) -> f64 {
     if lag - shift < -0.25 { lag } else { shift }
 }
 
-/// Longer than waves, and than the steps of a walk \[s\]: what is read off a course has to be true over such intervals too.
+/// Longer than waves and than the steps of a walk \[s\]. A result from a course must also hold over such intervals.
 const SLOW: f64 = 15.0;
-/// What is said where it is not.
+/// The text if it does not hold.
 const WAVES: &str = "not decided: waves, or other fast motion, say something else";
 
-/// Replaces what fast motion says against the declaration, where slow motion is long enough to tell and does not say the
-/// same, by what slow motion says; whether there was anything to replace.
+/// Checks fast motion against slow motion. If fast motion contradicts the declaration and slow motion does not confirm
+/// it, the result of slow motion replaces it. Returns true if anything was replaced.
 ///
-/// Means over an interval between two velocities are right however long it is. But an antenna on a mast moves against the
-/// boat as it rolls, once or twice between two fixes.
+/// Means over an interval between two velocities are right for any length. But an antenna on a mast moves relative to a
+/// rolling boat, once or twice between two fixes.
 fn doubt(fast: &mut [Option<Fit>; 3], slow: &[Option<Fit>; 3]) -> bool {
     let mut is_doubtful = false;
     for (fast, slow) in fast.iter_mut().zip(slow) {
@@ -684,18 +687,18 @@ fn doubt(fast: &mut [Option<Fit>; 3], slow: &[Option<Fit>; 3]) -> bool {
     is_doubtful
 }
 
-/// Where slow motion is too short to tell, the correlation from which on fast motion alone is believed: waves and the motion that
-/// they cover share an axis in part, a mistake has it whole.
+/// The correlation at which fast motion alone is accepted, if slow motion is too short to decide. Waves and the slower
+/// motion share an axis only in part; a mistake affects the whole axis.
 const PLAIN: f64 = 0.8;
-/// Standard errors from which on slow motion confirms what fast motion is certain of.
+/// Standard errors from which slow motion confirms a certain result of fast motion.
 const SLIGHT: f64 = 2.0;
 
-/// Which axes of a specific force the data tell, and the factor that it is too small by.
+/// The axes of a specific force that the data determine, and the factor by which it is too small.
 type Force = ([Option<(usize, bool)>; 3], f64);
 
-/// How gravity turns in the axes of a vehicle, which is what its roll and pitch rates do to it: the specific force
-/// less the accelerations along the course, from one interval to the next. Of an axis of the force that is not known
-/// nothing is expected.
+/// The rotation of gravity in the axes of a vehicle, which its roll and pitch rates cause. It is the change of the
+/// specific force minus the accelerations along the course, from one interval to the next. An unknown axis of the force
+/// gives no expected value.
 fn tilts(rates: &Track, forces: &Track, (known, factor): Force, lag: f64, velocities: &Velocities) -> Expected {
     let mut expected = Expected::default();
     let read = |f: &Vector3<f64>, row: usize| known[row].map_or(f64::NAN, |(axis, negative)| if negative { -f[axis] } else { f[axis] });
@@ -719,7 +722,7 @@ fn tilts(rates: &Track, forces: &Track, (known, factor): Force, lag: f64, veloci
     expected
 }
 
-/// Axes as they should have been declared.
+/// The vector in the corrected axes.
 pub(super) fn turned(v: &Vector3<f64>, axes: &Axes) -> Vector3<f64> {
     Vector3::from_fn(|row, _| if axes[row].1 { -v[axes[row].0] } else { v[axes[row].0] })
 }

@@ -1,4 +1,4 @@
-//! The recorded channels of a design that tell of motion, thinned out while they are read.
+//! The recorded motion channels of a design, decimated while they are read.
 
 use fusion::config::Diagnostics;
 use fusion::design::Design;
@@ -11,15 +11,15 @@ use fusion_models::units::{Dimensional, dim};
 use fusion_models::vocabulary::channel;
 use nalgebra::Vector3;
 
-/// Samples of positions, velocities and attitudes are at least this far apart \[s\]: below it the slope of a
-/// position is mostly its noise.
+/// The least spacing of the samples of positions, velocities and attitudes \[s\]. Below it the slope of a position is
+/// mostly noise.
 const APART: f64 = 0.5;
-/// Integrals of rates, forces and fields are kept this often \[s\], and interpolated between.
+/// The spacing of the stored integrals of rates, forces and fields \[s\], with interpolation in between.
 const GRID: f64 = 0.1;
-/// What is silent for longer has no mean over the silence \[s\].
+/// A longer gap has no mean \[s\].
 const LONGEST: f64 = 1.0;
 
-/// The channels that are compared; of the first three the means over intervals are wanted, of the others the values.
+/// The channels to compare. The first three are compared as means over intervals, the others as values.
 pub(super) const COMPARED: [Channel; 8] = [
     channel::ANGULAR_RATE,
     channel::SPECIFIC_FORCE,
@@ -34,24 +34,24 @@ pub(super) const COMPARED: [Channel; 8] = [
 /// A channel of a source over time.
 #[derive(Clone, Debug)]
 pub(super) struct Track {
-    /// The number of its source in the design.
+    /// The index of its source in the design.
     pub(super) source: usize,
     /// Its name.
     pub(super) channel: &'static str,
-    /// Of each kept sample \[s\].
+    /// The time of each kept sample \[s\].
     pub(super) times: Vec<f64>,
-    /// The numbers; of rates, forces and fields their integral up to then, and as the fourth that of their length. Those
-    /// beyond its width are zero.
+    /// The values. For rates, forces and fields, the integral up to this time; the fourth value is the integral of
+    /// their length. Unused values are zero.
     pub(super) values: Vec<[f64; 4]>,
     /// Rows per second.
     pub(super) rate: f64,
     pub(super) integrates: bool,
-    /// Of a velocity that is thinned out, its integral over all samples: what lies between those that are kept counts in its means.
+    /// The integral of a decimated velocity over all samples. So samples between the kept ones count in its means.
     pub(super) way: Vec<(f64, Vector3<f64>)>,
 }
 
 impl Track {
-    /// The mean over an interval; `None` where the log does not cover it.
+    /// The mean over an interval; `None` if the log does not cover it.
     pub(super) fn mean(&self, from: f64, to: f64) -> Option<Vector3<f64>> {
         let (a, b) = (self.integral(from)?, self.integral(to)?);
         let first = self.times.partition_point(|t| *t <= from);
@@ -61,7 +61,7 @@ impl Track {
         (is_whole && to > from).then(|| (b - a) / (to - from))
     }
 
-    /// The mean length over an interval; `None` where the log does not cover it.
+    /// The mean length over an interval; `None` if the log does not cover it.
     pub(super) fn mean_length(&self, from: f64, to: f64) -> Option<f64> {
         let at = |time: f64| {
             let next = self.times.partition_point(|t| *t < time);
@@ -87,7 +87,7 @@ impl Track {
     }
 }
 
-/// Takes the rows of one channel.
+/// Collects the rows of one channel.
 struct Keeper {
     track: Track,
     offset: usize,
@@ -103,7 +103,7 @@ struct Keeper {
 impl Keeper {
     fn take(&mut self, time: Time, row: &[f64]) {
         let (t, values) = (time.seconds() - self.delay, &row[self.offset..self.offset + self.width]);
-        // A row that goes back in time or holds no number tells nothing here; the run reports it.
+        // A row that goes back in time or contains NaN is skipped here; the run reports it.
         if values.iter().any(|v| !v.is_finite()) || t <= self.last {
             return;
         }
@@ -130,7 +130,7 @@ impl Keeper {
         }
     }
 
-    /// Adds the way since the last velocity.
+    /// Adds the distance since the last velocity.
     fn travel(&mut self, t: f64, step: f64, v: Vector3<f64>) {
         let way = self.before.map_or_else(Vector3::zeros, |before| (before + v) * (step / 2.0));
         self.before = Some(v);
@@ -142,7 +142,7 @@ impl Keeper {
 
     fn finish(mut self) -> Track {
         self.track.rate = (self.count - 1.0).max(0.0) / (self.last - self.first).max(GRID);
-        // Nothing lies between samples that are all kept.
+        // If all samples are kept, the sum between them is not needed.
         if self.count as usize == self.track.times.len() {
             self.track.way.clear();
         }
@@ -150,7 +150,7 @@ impl Keeper {
     }
 }
 
-/// Reads the sources of a design, as it decodes them, over the time that it runs.
+/// Reads the sources of a design, as it decodes them, over its run time.
 pub(super) fn read(design: &Design, options: &Options) -> Result<Vec<Track>, Diagnostics> {
     let (mut d, mut tracks) = (Diagnostics::new(), Vec::new());
     for number in 0..design.sources.len() {

@@ -1,9 +1,9 @@
-//! What is said of a mistake, and what to write instead.
+//! The text for a mistake, and its correction.
 
 use fusion::config::{Diagnostic, Node};
 use fusion_models::units::parse_unit;
 
-/// Where each body axis is found: the declared axis, and whether with the other sign.
+/// For each body axis: the declared axis, and whether its sign is inverted.
 pub(super) type Axes = [(usize, bool); 3];
 
 /// As declared.
@@ -17,12 +17,12 @@ const WORLD: [&str; 3] = ["north", "east", "down"];
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Whole {
     pub(super) axes: Axes,
-    /// The axis whose sign nothing decides: it is kept as declared.
+    /// The axis with an undecided sign: it keeps the declared sign.
     pub(super) open: Option<usize>,
 }
 
 impl Whole {
-    /// With the sign that nothing decides so that the axes are right-handed.
+    /// Chooses the undecided sign so that the axes are right-handed.
     pub(super) fn turned(mut self) -> Self {
         if let Some(row) = self.open.filter(|_| handedness(&self.axes) < 0.0) {
             self.axes[row].1 = !self.axes[row].1;
@@ -31,8 +31,8 @@ impl Whole {
     }
 }
 
-/// Completes what is known: of one axis that is missing it is known which one is left, and `sign` says whether as its negative. `None`
-/// where too little is known, or an axis is there twice.
+/// Completes the known axes. If one axis is missing, it must be the remaining one, and `sign` says if it is negated.
+/// `None` if too few axes are known, or if an axis occurs twice.
 pub(super) fn complete(known: [Option<(usize, bool)>; 3], sign: impl Fn(usize, usize) -> Option<bool>) -> Option<Whole> {
     let missing: Vec<usize> = (0..3).filter(|i| known[*i].is_none()).collect();
     let mut axes = known.map(|k| k.unwrap_or((3, false)));
@@ -55,7 +55,7 @@ fn is_permutation(axes: &Axes) -> bool {
     (0..3).all(|axis| axes.iter().any(|(a, _)| *a == axis))
 }
 
-/// The determinant: −1 where the axes as declared are left-handed.
+/// The determinant: −1 if the axes as declared are left-handed.
 pub(super) fn handedness(axes: &Axes) -> f64 {
     let mut m = nalgebra::Matrix3::zeros();
     axes.iter()
@@ -73,14 +73,14 @@ pub(super) const fn names(is_world: bool) -> [&'static str; 3] {
     if is_world { WORLD } else { NAMES }
 }
 
-/// The axes that `is_one` says, with commas.
+/// The axes for which `is_one` is true, separated by commas.
 pub(super) fn of_rows(is_world: bool, is_one: impl Fn(usize) -> bool) -> String {
     let all = if is_world { WORLD } else { BODY };
     let named: Vec<&str> = (0..3).filter(|row| is_one(*row)).map(|row| all[row]).collect();
     named.join(", ")
 }
 
-/// What differs, an axis each: `north is the declared east`.
+/// The differences, for each axis: `north is the declared east`.
 pub(super) fn differing(known: &[Option<(usize, bool)>; 3], is_world: bool) -> String {
     let (are, declared) = if is_world { (WORLD, WORLD) } else { (BODY, NAMES) };
     let differ = known
@@ -94,7 +94,7 @@ pub(super) fn differing(known: &[Option<(usize, bool)>; 3], is_world: bool) -> S
     each.collect::<Vec<_>>().join(", ")
 }
 
-/// What to write instead in the table of a channel.
+/// The correction for the table of a channel.
 pub(super) fn remedy(channel: Option<&Node>, axes: &Axes) -> String {
     let columns: Option<Vec<&str>> = channel
         .and_then(|c| c.get("columns"))
@@ -121,7 +121,7 @@ pub(super) fn remedy(channel: Option<&Node>, axes: &Axes) -> String {
     }
 }
 
-/// The columns that a rotation `before` of them brings to `axes` of what is declared.
+/// The columns to write so that the rotation `before` turns them into `axes` of the declared ones.
 fn exchanged(columns: &[&str], before: &Axes, axes: &Axes) -> Vec<String> {
     let mut written = vec![String::new(); 3];
     for ((to, outer), (axis, negative)) in before.iter().zip(axes) {
@@ -138,7 +138,7 @@ fn list(axes: &Axes) -> String {
     axes.iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// The axes that a rotation is declared by.
+/// The axes of a declared rotation.
 fn axes_of(rotation: &Node) -> Option<Axes> {
     let mut found = DECLARED;
     let fusion::config::Value::Array(items) = rotation.get("axes")?.value() else {
@@ -162,7 +162,7 @@ pub(super) fn at(source: &Node, channel: &str, key: &str, message: String) -> Di
     Diagnostic::warning(message).at(place)
 }
 
-/// Units that the columns of a channel come in, as they are written.
+/// The units of the columns of a channel, as they are written.
 fn units(channel: &str, is_increment: bool) -> &'static [&'static str] {
     match (channel, is_increment) {
         ("angular_rate", true) => &["rad", "deg"],
@@ -174,7 +174,7 @@ fn units(channel: &str, is_increment: bool) -> &'static [&'static str] {
     }
 }
 
-/// Whether a factor is that between two units of velocity, one of which is m/s, within 5 %.
+/// Returns true if a factor is the ratio of two velocity units within 5 %, one of which is m/s.
 pub(super) fn is_of_velocities(factor: f64) -> bool {
     let sizes = units("velocity", false).iter().filter_map(|unit| parse_unit(unit).ok());
     sizes
@@ -182,8 +182,8 @@ pub(super) fn is_of_velocities(factor: f64) -> bool {
         .any(|size| (factor.ln().abs() - size.ln().abs()).abs() < 0.05)
 }
 
-/// What a wrong factor may come from, and what to write; `small` is by how much the numbers are too small, known to `within` in its
-/// logarithm, and `rate` how many samples a second has.
+/// The possible cause of a wrong factor, and its correction. `small` is the factor by which the numbers are too small.
+/// `within` is the uncertainty of its logarithm. `rate` is the number of samples per second.
 pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, rate: f64) -> Option<String> {
     let is = |factor: f64| (small / factor).ln().abs() < within;
     let is_increment = node.and_then(|n| n.get("increment")).is_some_and(|n| n.inline() == "true");
@@ -200,7 +200,7 @@ pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, 
     let nearest = nearest
         .filter(|(away, unit)| *away < within && *unit != declared)
         .min_by(|a, b| a.0.total_cmp(&b.0));
-    // 50 rows a second are near the degrees of a radian.
+    // A rate of 50 rows per second is close to 57.3, the degrees per radian.
     let is_nearer = |factor: f64| is(factor) && nearest.is_none_or(|(away, _)| (small / factor).ln().abs() < away);
     if matches!(channel, "angular_rate" | "specific_force") && !is_increment && is_nearer(rate) {
         return Some("the columns hold increments over a sample: write `increment = true`".to_owned());
@@ -228,7 +228,7 @@ mod tests {
         assert_eq!(of(None), whole(false, Some(2)));
         assert_eq!(of(Some(true)), whole(true, None));
         assert_eq!(of(Some(false)), whole(false, None));
-        // Of what is mounted otherwise it is that of a turn.
+        // A unit that is mounted differently gets the sign that makes a rotation.
         assert_eq!(of(None).map(Whole::turned), whole(true, Some(2)));
         assert_eq!(of(Some(false)).map(Whole::turned), whole(false, None), "what is decided stays");
         assert_eq!(complete([Some((1, false)), None, None], |_, _| None), None, "two are missing");

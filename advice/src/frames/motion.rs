@@ -1,4 +1,4 @@
-//! What positions, velocities and attitudes say of the motion between two of their samples.
+//! The motion between two samples of a position, velocity or attitude.
 
 use super::log::Track;
 use fusion_core::geometry::so3::{log, rotation, to_rpy, wrap_angle};
@@ -6,19 +6,19 @@ use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::state::{Attitude, Manifold};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// A course is judged above this horizontal speed \[m/s\]: 0.1 m/s of noise are 3° there.
+/// The least horizontal speed for judging a course \[m/s\]: there 0.1 m/s of noise are 3°.
 pub(super) const MIN_SPEED: f64 = 2.0;
-/// Samples further apart say little of what was between \[s\].
+/// Samples further apart do not determine the motion between them \[s\].
 pub(super) const LONGEST: f64 = 3.0;
-/// What turns by more between two samples of its attitude \[rad\], there and back, has another one in between.
+/// The largest rotation between two attitude samples \[rad\]. With a larger one, the attitude in between is unknown.
 pub(super) const MUCH: f64 = 1.0;
-/// Gravity \[m/s²\], to what a comparison needs.
+/// Gravity \[m/s²\], as accurate as a comparison needs.
 pub(super) const GRAVITY: f64 = 9.81;
 
-/// What is expected on the mean from one time to another, by axis; NaN where nothing is.
+/// The expected mean from one time to another, for each axis; NaN if unknown.
 pub(super) type Told = (f64, f64, Vector3<f64>);
 
-/// The mean velocity over intervals of `seconds` at least between two positions.
+/// The mean velocity between two positions, over intervals of at least `seconds`.
 pub(super) fn slopes(track: &Track, seconds: f64) -> Vec<Told> {
     let (mut told, mut begun) = (Vec::new(), 0);
     for next in 1..track.times.len() {
@@ -39,11 +39,11 @@ pub(super) fn slopes(track: &Track, seconds: f64) -> Vec<Told> {
 pub(super) struct Velocities {
     pub(super) times: Vec<f64>,
     pub(super) values: Vec<Vector3<f64>>,
-    /// The way up to some times, where it is known better than by these samples.
+    /// The distance up to some times, if it is known better than from these samples.
     way: Vec<(f64, Vector3<f64>)>,
 }
 
-/// From one velocity to the next.
+/// The motion from one velocity to the next.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
     pub(super) from: f64,
@@ -61,7 +61,7 @@ impl Velocities {
         }
     }
 
-    /// The slope between positions, half-way between them.
+    /// The slope between positions, at the midpoint in time.
     pub(super) fn slope(track: &Track) -> Self {
         let slopes = slopes(track, 0.0);
         Self {
@@ -71,7 +71,7 @@ impl Velocities {
         }
     }
 
-    /// The mean over an interval between two of its samples; `None` where it is silent for long.
+    /// The mean over an interval between two of its samples; `None` if there is a long gap.
     pub(super) fn mean(&self, from: f64, to: f64) -> Option<Vector3<f64>> {
         let [first, last] = [from, to].map(|t| self.times.partition_point(|s| *s <= t));
         let inside = self
@@ -94,7 +94,7 @@ impl Velocities {
         (is_whole && to > from).then(|| sum / (to - from))
     }
 
-    /// The way up to a time, where it is known.
+    /// The distance up to a time, if known.
     fn travelled(&self, time: f64) -> Option<Vector3<f64>> {
         let next = self.way.partition_point(|(t, _)| *t < time);
         let (after, there) = self.way.get(next)?;
@@ -107,21 +107,21 @@ impl Velocities {
         }
     }
 
-    /// The mean over intervals of `seconds` at least between its samples.
+    /// The mean between its samples, over intervals of at least `seconds`.
     pub(super) fn means(&self, seconds: f64) -> Vec<Told> {
         let legs = self.strides(seconds);
         legs.filter_map(|leg| Some((leg.from, leg.to, self.mean(leg.from, leg.to)?)))
             .collect()
     }
 
-    /// What gyros read of a body that points along its course: nothing is told of roll and pitch.
+    /// The gyro rates of a body that points along its course; roll and pitch rates are unknown.
     pub(super) fn course_rates(&self, seconds: f64) -> Vec<Told> {
         let legs = self.strides(seconds);
         legs.filter_map(|leg| Some((leg.from, leg.to, Vector3::new(f64::NAN, f64::NAN, leg.turn()?.0))))
             .collect()
     }
 
-    /// What accelerometers read of it, ahead and to the right.
+    /// The accelerometer values of such a body, forward and right.
     pub(super) fn course_forces(&self, seconds: f64) -> Vec<Told> {
         let legs = self.strides(seconds);
         let force = |leg: Leg| {
@@ -131,12 +131,12 @@ impl Velocities {
         legs.filter_map(force).collect()
     }
 
-    /// From each velocity to the next.
+    /// The legs from each velocity to the next.
     pub(super) fn legs(&self) -> impl Iterator<Item = Leg> + '_ {
         self.strides(0.0)
     }
 
-    /// Legs of `seconds` at least, each of as many steps as that takes, none of which is too long.
+    /// Legs of at least `seconds`, each with the steps that it needs. Legs with a long gap are left out.
     pub(super) fn strides(&self, seconds: f64) -> impl Iterator<Item = Leg> + '_ {
         let steps = self.times.windows(2).zip(self.values.windows(2));
         let mut begun: Option<(f64, Vector3<f64>)> = None;
@@ -157,7 +157,7 @@ impl Velocities {
         })
     }
 
-    /// Its value at a time between two samples.
+    /// The interpolated value between two samples.
     pub(super) fn at(&self, time: f64) -> Option<Vector3<f64>> {
         let (i, share) = between(&self.times, time)?;
         Some(self.values[i].lerp(&self.values[i + 1], share))
@@ -170,7 +170,7 @@ impl Leg {
         (self.ends[1] - self.ends[0]) / (self.to - self.from)
     }
 
-    /// Rate of the course \[rad/s\] and acceleration ahead and to the right of it, where it is fast enough.
+    /// Rate of the course \[rad/s\] and acceleration forward and right of it, if the speed is high enough.
     pub(super) fn turn(&self) -> Option<(f64, [f64; 2])> {
         let speeds = self.ends.map(|v| v.xy().norm());
         if speeds.iter().any(|s| *s < MIN_SPEED) {
@@ -184,7 +184,7 @@ impl Leg {
     }
 }
 
-/// Clockwise from north \[rad\].
+/// The course, clockwise from north \[rad\].
 pub(super) fn course(v: &Vector3<f64>) -> f64 {
     v.y.atan2(v.x)
 }
@@ -204,11 +204,11 @@ impl Attitudes {
         }
     }
 
-    /// The mean turn between two samples \[rad/s\], body axes, with the interval.
+    /// The mean rate of rotation between two samples \[rad/s\], body axes, with the interval.
     pub(super) fn turns(&self) -> impl Iterator<Item = Told> + '_ {
         let steps = self.times.windows(2).zip(self.values.windows(2));
         let turns = steps.map(|(t, q)| (t[0], t[1], log(&(q[0].inverse() * q[1])) / (t[1] - t[0])));
-        // Half a turn may be one the other way round; the mean of a fast turn is none of its axes.
+        // A rotation by 180° may also be one in the opposite direction. A fast rotation has no well-defined mean axis.
         turns.filter(|(from, to, w)| to - from <= LONGEST && w.norm() * (to - from) < MUCH)
     }
 
@@ -218,8 +218,8 @@ impl Attitudes {
         Some(self.values[i] * UnitQuaternion::from_scaled_axis(turn * share))
     }
 
-    /// The mean specific force of a body that moves so, body axes \[m/s²\], over each leg, or over each step of the
-    /// attitude of what does not accelerate for long.
+    /// The mean specific force of a body with this motion, body axes \[m/s²\]. One mean covers a leg. Without
+    /// velocities it covers an attitude step, for a body that does not accelerate for long.
     pub(super) fn forces(&self, velocities: Option<&Velocities>) -> Vec<Told> {
         let gravity = Vector3::new(0.0, 0.0, GRAVITY);
         let force = |from: f64, to: f64, acceleration: Vector3<f64>| {
@@ -233,7 +233,7 @@ impl Attitudes {
     }
 }
 
-/// Headings, clockwise from north, of attitudes or headings as declared \[rad\].
+/// Headings of attitude or heading channels, as declared, clockwise from north \[rad\].
 pub(super) fn headings(track: &Track) -> Vec<(f64, f64)> {
     let heading = |v: &[f64; 4]| {
         if track.channel == "heading" {
@@ -245,7 +245,7 @@ pub(super) fn headings(track: &Track) -> Vec<(f64, f64)> {
     track.times.iter().copied().zip(track.values.iter().map(heading)).collect()
 }
 
-/// The sample before a time, and how far it lies on the way to the next.
+/// The sample before a time, and the fraction of the step to the next sample.
 fn between(times: &[f64], time: f64) -> Option<(usize, f64)> {
     let next = times.partition_point(|t| *t <= time);
     let i = next.checked_sub(1)?;

@@ -1,4 +1,4 @@
-//! Positions that are somewhere else, or go another way, than everything else says; and what may be declared wrongly of them.
+//! Finds positions that disagree with all other data in place or motion, and the likely mistakes in their declaration.
 
 use super::log::Track;
 use super::motion::LONGEST;
@@ -12,14 +12,14 @@ use std::f64::consts::PI;
 /// The mean radius of the Earth \[m\].
 const RADIUS: f64 = 6.371e6;
 
-/// A way of declaring latitude, longitude and height wrongly.
+/// A mistake in the declaration of latitude, longitude and height.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Change {
-    /// One has the other sign.
+    /// One coordinate has the other sign.
     Sign(usize),
     /// Latitude and longitude are exchanged.
     Exchanged,
-    /// Angles are degrees that are taken for radians, or the other way round.
+    /// Angles in degrees are read as radians, or the reverse.
     Factor(f64),
 }
 
@@ -35,7 +35,7 @@ impl Change {
         Self::Factor(PI / 180.0),
     ];
 
-    /// Puts a position right.
+    /// Corrects a position.
     fn apply(self, [lat, lon, height, rest]: [f64; 4]) -> [f64; 4] {
         match self {
             Self::Sign(0) => [-lat, lon, height, rest],
@@ -46,7 +46,7 @@ impl Change {
         }
     }
 
-    /// Puts all positions right; `None` where that makes none of them.
+    /// Corrects all positions; `None` if a result is not a valid position.
     pub(super) fn of(self, track: &Track) -> Option<Track> {
         let values: Vec<_> = track.values.iter().map(|v| self.apply(*v)).collect();
         let is_place = |v: &[f64; 4]| v[0].abs() <= PI / 2.0 && v[1].abs() <= 2.0 * PI;
@@ -61,7 +61,7 @@ impl Change {
         }
     }
 
-    /// The same as a condition.
+    /// The same, as a condition.
     pub(super) fn condition(self) -> String {
         match self {
             Self::Sign(i) => format!("if the {} had the other sign", KEYS[i]),
@@ -78,7 +78,7 @@ impl Change {
         }
     }
 
-    /// What to write; `None` where the position is not declared by latitude and longitude.
+    /// The correction; `None` if the position is not declared by latitude and longitude.
     pub(super) fn remedy(self, channel: Option<&Node>) -> Option<String> {
         let column = |i: usize| channel?.get(KEYS[i])?.as_str();
         let latitude = column(0)?;
@@ -94,13 +94,13 @@ impl Change {
     }
 }
 
-/// The distance over the sphere \[m\].
+/// The great-circle distance \[m\].
 pub(super) fn distance(a: &Geodetic, b: &Geodetic) -> f64 {
     let unit = |p: &Geodetic| Vector3::new(p.lat.cos() * p.lon.cos(), p.lat.cos() * p.lon.sin(), p.lat.sin());
     2.0 * RADIUS * ((unit(a) - unit(b)).norm() / 2.0).min(1.0).asin()
 }
 
-/// Of a position, the median distance and difference of height from where it should be \[m\], with the number of samples that it is of.
+/// The median distance and height difference of a position from where it should be \[m\], with the number of samples.
 pub(super) fn apart(track: &Track, should: impl Fn(f64) -> Option<Geodetic>) -> Option<(f64, f64, usize)> {
     let pairs = track.times.iter().zip(&track.values);
     let away = pairs.filter_map(|(t, v)| Some((Geodetic::read(&v[..3]), should(*t)?)));
@@ -111,7 +111,7 @@ pub(super) fn apart(track: &Track, should: impl Fn(f64) -> Option<Geodetic>) -> 
     Some((*distances.get(middle)?, heights[middle], distances.len()))
 }
 
-/// The position of a track at a time: between two samples, or the nearest within a second of it.
+/// The position of a track at a time: interpolated between two samples, or the nearest sample within a second.
 pub(super) fn at(track: &Track, time: f64) -> Option<Geodetic> {
     let place = |i: usize| Geodetic::read(&track.values[i][..3]);
     let next = track.times.partition_point(|t| *t < time);
@@ -163,9 +163,9 @@ mod tests {
         };
         let middle = at(&track, 0.25).unwrap();
         assert!((middle.lat - 0.8 - 0.5e-6).abs() < 1e-12 && (middle.height - 101.0).abs() < 1e-9);
-        // The shorter way, over the date line.
+        // The shorter way, across the date line.
         assert!((middle.lon - (PI - 0.5e-6)).abs() < 1e-12, "{}", middle.lon);
-        // Over a long gap only what is near counts.
+        // In a long gap only nearby samples count.
         assert!(at(&track, 5.0).is_none());
         assert!((at(&track, 1.5).unwrap().height - 104.0).abs() < 1e-9);
     }

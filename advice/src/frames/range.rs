@@ -1,5 +1,5 @@
-//! Numbers that are not of this Earth, and rows that come too seldom or too often: a unit that is declared wrongly, where no name of a
-//! column and no other channel says so.
+//! Finds values that are impossible on Earth, and row rates that are too low or too high. They show a wrong unit if no
+//! column name and no other channel does.
 
 use super::judge::{Comparison, Judge};
 use super::log::Track;
@@ -8,15 +8,15 @@ use fusion::config::{Diagnostic, Node};
 use fusion_models::units::parse_unit;
 use fusion_tables::short;
 
-/// What a channel measures on Earth.
+/// The range of a channel on Earth.
 struct Range {
     channel: &'static str,
-    /// The sensor that measures it.
+    /// The sensor that reads this channel.
     sensor: &'static str,
-    /// From, to, in SI, and in words.
+    /// The limits in SI, and the range in words.
     is: [f64; 2],
     words: &'static str,
-    /// A median beyond it by more than this factor is told.
+    /// A median outside the range by more than this factor is reported.
     beyond: f64,
     units: &'static [&'static str],
 }
@@ -30,7 +30,7 @@ const RANGES: [Range; 2] = [
         beyond: 1.5,
         units: &["Pa", "hPa", "kPa", "bar"],
     },
-    // Iron and an offset of the instrument may add to it, or take away from it, as much as it is.
+    // Iron and an offset of the instrument may change the field by its own size.
     Range {
         channel: "magnetic_field",
         sensor: "magnetometer",
@@ -41,13 +41,13 @@ const RANGES: [Range; 2] = [
     },
 ];
 
-/// Inertial units have so many rows a second.
+/// The range of row rates of inertial units \[1/s\].
 const RATES: [f64; 2] = [5.0, 2e4];
 /// Units of stamps.
 const STAMPS: [&str; 4] = ["s", "ms", "us", "ns"];
 
 impl Judge<'_> {
-    /// Compares what sensors read with what there is on Earth.
+    /// Compares sensor values with the possible range on Earth.
     pub(super) fn ranges(&mut self) {
         for range in &RANGES {
             for track in self.all(range.channel) {
@@ -89,7 +89,7 @@ impl Judge<'_> {
         self.told_of(track, range.words, verdict, told);
     }
 
-    /// Compares how often an inertial unit has a row with how often one has; whether that is so.
+    /// Compares the row rate of an inertial unit with the usual range. Returns true if it is plausible.
     pub(super) fn stamps(&mut self) -> bool {
         let mut sources = Vec::new();
         for track in self.all("angular_rate").into_iter().chain(self.all("specific_force")) {
@@ -99,7 +99,7 @@ impl Judge<'_> {
             sources.push(track.source);
             let Some(rate) = rows(&track) else { continue };
             let [least, most] = RATES;
-            // Whatever is that slow may be slow; a log of milliseconds is slower still.
+            // A rate down to a tenth of the limit may be real. Stamps in milliseconds give a much lower one.
             if (least / 10.0..most).contains(&rate) {
                 continue;
             }
@@ -134,7 +134,7 @@ impl Judge<'_> {
     }
 }
 
-/// The middle one of the sizes.
+/// The median size.
 fn median(track: &Track) -> Option<f64> {
     let length = |v: &[f64]| v[..3].iter().map(|v| v * v).sum::<f64>().sqrt();
     let mut sizes: Vec<f64> = if track.integrates {
@@ -147,7 +147,7 @@ fn median(track: &Track) -> Option<f64> {
     sizes.get(sizes.len() / 2).copied()
 }
 
-/// Rows per second, by the middle one of the intervals where rows are far apart.
+/// Rows per second, from the median interval if rows are far apart.
 fn rows(track: &Track) -> Option<f64> {
     let mut steps: Vec<f64> = track.times.windows(2).map(|t| t[1] - t[0]).collect();
     steps.sort_by(f64::total_cmp);

@@ -1,8 +1,9 @@
-//! Attitudes that are written in another way than declared: a quaternion in another order, or that turns the other way.
+//! Attitudes in another form than declared: a quaternion in another order, or with the inverse rotation.
 //!
-//! An inertial unit that is right otherwise agrees with the attitude by its forces and by its rates. Wrong axes of the unit are signed
-//! axes of what is expected. A quaternion in another order makes neither: then force and rate want axes that contradict each other. The
-//! declarations that are mistaken most often are tried in its place, on the data; so the advice is what was tried.
+//! An inertial unit that is otherwise right agrees with the attitude in its forces and its rates. If only the axes of
+//! the unit are wrong, both match the expected values on other signed axes. For a quaternion in another order they do
+//! not: force and rate then require axes that contradict each other. The most common mistakes are then tried on the
+//! data, so the advice has been tested.
 
 use super::clock;
 use super::field::permutations;
@@ -15,7 +16,7 @@ use super::world::{is_contradicted, vote};
 use fusion::config::{Node, Value};
 use fusion::design::Design;
 
-/// What force and rate of an inertial unit say of an attitude.
+/// The agreement of an attitude with force and rate of an inertial unit.
 struct Agreement {
     force: [Option<Fit>; 3],
     rate: [Option<Fit>; 3],
@@ -26,31 +27,32 @@ impl Agreement {
         is_contradicted(&self.force, FAR) || is_contradicted(&self.rate, NEAR)
     }
 
-    /// Whether both contradict the attitude, and no axes of the unit are those that both want.
+    /// Returns true if both contradict the attitude, and no axes of the unit satisfy both.
     fn is_in_conflict(&self) -> bool {
         let [force, rate] = [known(&self.force), known(&self.rate)];
         let fits =
             |known: &[Option<(usize, bool)>; 3], axes: &[(usize, bool); 3]| (0..3).all(|row| known[row].is_none_or(|k| k == axes[row]));
         let is_told = |known: &[Option<(usize, bool)>; 3]| (0..3).any(|row| known[row].is_some_and(|k| k != (row, false)));
-        // Force and rate may have wrong axes each, but then these are whole.
+        // Force and rate may each have wrong axes, but then all three axes are determined.
         let is_whole = |known: &[Option<(usize, bool)>; 3]| permutations().iter().any(|axes| *known == axes.map(Some));
         let is_one = permutations().iter().any(|axes| fits(&force, axes) && fits(&rate, axes));
         is_told(&force) && is_told(&rate) && !is_one && !(is_whole(&force) && is_whole(&rate))
     }
 
-    /// Whether all rates are decided, or forces and rates are explained as those of a unit that goes with its attitude are.
+    /// Returns true if all rates are decided, or if the fits explain forces and rates as well as for a correct
+    /// attitude.
     fn is_enough(&self) -> bool {
         known(&self.rate).iter().all(Option::is_some) || self.explained(true) > MOST
     }
 
-    /// Whether the unit goes with the attitude as declared.
+    /// Returns true if the unit agrees with the attitude as declared.
     fn is_right(&self) -> bool {
-        // Two rates of a small motion, or one with the tilt that forces tell.
+        // Two rates of a small motion, or one rate with the tilt from the forces.
         let [rate, force] = [&self.rate, &self.force].map(|fits| known(fits).iter().flatten().count());
         (rate >= 2 || rate == 1 && force >= 2) && vote(&self.rate, NEAR) > 0 && vote(&self.force, FAR) >= 0
     }
 
-    /// How much of forces and turns the declared axes explain, or any axes of the unit.
+    /// How well the declared axes explain forces and rates; with `by_any`, how well any axes of the unit do.
     fn explained(&self, by_any: bool) -> f64 {
         let of = |fits: &[Option<Fit>; 3]| {
             let rows = fits.iter().enumerate().filter_map(|(row, fit)| Some((row, fit.as_ref()?)));
@@ -61,23 +63,24 @@ impl Agreement {
     }
 }
 
-/// How much more of three axes of forces and three of turns another declaration has to explain than any axes of the unit do: some
-/// orders of a quaternion are a turn of the unit.
+/// The gain that another declaration needs over any axes of the unit, out of three axes of forces and three of rates.
+/// Some orders of a quaternion are equivalent to a rotation of the unit.
 const BETTER: f64 = 0.5;
-/// What little motion leaves of the six that a right attitude explains: correlations of 0.87 and more.
+/// The least total, out of six, for a correct attitude with little motion: correlations of 0.87 and more.
 const MOST: f64 = 4.5;
 
 impl Judge<'_> {
-    /// An attitude as it should have been declared; `None` where it is wrong and nothing puts it right.
+    /// An attitude as it should have been declared; `None` if it is wrong and no declaration corrects it.
     pub(super) fn redeclared(&mut self, track: Track, velocities: Option<&Velocities>) -> Option<Track> {
         let before = self.agreements(&track, velocities);
-        // Where nothing agrees the motion may be too little, or the attitude wrong: another one that agrees decides.
+        // If nothing agrees, the motion may be too small or the attitude wrong. Another declaration that agrees
+        // decides.
         if before.is_empty() || !before.iter().any(Agreement::is_contradicted) && before.iter().all(Agreement::is_enough) {
             return Some(track);
         }
         let node = self.node(&track);
         let explained = |all: &[Agreement], by_any: bool| all.iter().map(|a| a.explained(by_any)).fold(f64::INFINITY, f64::min);
-        // What no axes of the unit explain is no mistake of theirs.
+        // If no axes of the unit explain the data, the axes of the unit are not the mistake.
         let is_in_conflict = before.iter().any(Agreement::is_in_conflict);
         let needed = explained(&before, !is_in_conflict) + BETTER;
         let right = declarations(node.at("channels.attitude")).into_iter().find_map(|written| {
@@ -112,7 +115,7 @@ impl Judge<'_> {
         right.map(|(_, other)| other)
     }
 
-    /// What every inertial unit of the vehicle says of an attitude.
+    /// The agreement of an attitude with each inertial unit of the vehicle.
     fn agreements(&self, track: &Track, velocities: Option<&Velocities>) -> Vec<Agreement> {
         let attitudes = Attitudes::of(track);
         let (turns, forces) = (attitudes.turns().collect::<Vec<_>>(), attitudes.forces(velocities));
@@ -130,7 +133,7 @@ impl Judge<'_> {
             .collect()
     }
 
-    /// Reads a channel as if it were declared so.
+    /// Reads a channel with another declaration.
     pub(super) fn read_as(&self, track: &Track, written: &[String]) -> Option<Track> {
         let mut document = self.design.document.clone();
         let path = format!("source.{}.channels.{}", self.design.sources[track.source].name, track.channel);
@@ -141,7 +144,7 @@ impl Judge<'_> {
     }
 }
 
-/// Other ways to declare an attitude, as what is to be written.
+/// Other declarations of an attitude, as text to write.
 fn declarations(channel: Option<&Node>) -> Vec<Vec<String>> {
     let inverse = channel.and_then(|c| c.get("inverse")).is_some_and(|n| n.inline() == "true");
     let inverse = format!("inverse = {}", !inverse);
@@ -151,13 +154,13 @@ fn declarations(channel: Option<&Node>) -> Vec<Vec<String>> {
     });
     let mut orders = Vec::new();
     if let Some([a, b, c, d]) = columns.as_deref() {
-        // The scalar last for the scalar first, and the other way round.
+        // Scalar last instead of scalar first, and the reverse.
         orders.extend([[d, a, b, c], [b, c, d, a]].map(|order| format!("quaternion = {order:?}")));
     }
     let alone = orders.iter().map(|order| vec![order.clone()]);
     let both = orders.iter().map(|order| vec![order.clone(), inverse.clone()]);
     let mut all: Vec<Vec<String>> = alone.chain([vec![inverse.clone()]]).chain(both).collect();
-    // Forward, left, up in a world whose vertical is up.
+    // Forward, left, up, in a world with the vertical axis up.
     if ["rotation", "navigation_rotation"]
         .iter()
         .all(|key| channel.is_none_or(|c| c.get(key).is_none()))

@@ -1,64 +1,65 @@
-//! Which measured axis, with which sign and factor, is what is expected along one axis.
+//! Finds the measured axis, with sign and factor, that explains the expected value along one axis.
 //!
-//! What is expected is correlated with each measured axis; means are taken out of each part of the log, and with them
-//! biases. Correlations are compared by Fisher's z = artanh ρ, and z over its standard error by the jackknife: the
-//! scatter between parts of the log tells what correlated errors, of which neither number nor time is known, are worth.
+//! The expected value is correlated with each measured axis. The mean of each part of the log is subtracted, which
+//! removes biases. Correlations are compared by Fisher's z = artanh ρ. The jackknife gives the standard error of z: the
+//! scatter between parts of the log covers correlated errors of unknown size and duration.
 
 use nalgebra::Vector3;
 
-/// Parts of a log at most.
+/// The largest number of parts of a log.
 const PARTS: usize = 20;
-/// Parts at least: below, their scatter is not known.
+/// The least number of parts: with fewer, their scatter is unknown.
 const FEWEST: usize = 8;
-/// Samples of a part at least.
+/// The least number of samples in a part.
 const SHORTEST: usize = 6;
-/// Samples at least.
+/// The least number of samples.
 pub(super) const ENOUGH: usize = FEWEST * SHORTEST;
-/// An explanation is better from so many standard errors on. Of 100 comparisons of twenty parts, Student's t with
+/// An explanation is better from this number of standard errors. For 100 comparisons of twenty parts, Student's t with
 /// 19 degrees of freedom exceeds 6 by chance in 1 of 2000 logs.
 pub(super) const CERTAIN: f64 = 6.0;
-/// ... and from this correlation on: a small one that is certain may be one of sensitive axes that are not square.
+/// ... and from this correlation. A small but certain correlation may come from sensitive axes that are not orthogonal.
 pub(super) const CLEAR: f64 = 0.4;
-/// ... or so many, where the correlation is as high as that: what rises and falls once or twice scatters between the parts of the log.
+/// ... or from this number, if the correlation reaches `PLAIN`. A value that rises and falls once or twice scatters
+/// between the parts.
 const LIKELY: f64 = 4.0;
 const PLAIN: f64 = 0.9;
-/// From which factor on the numbers are wrong, not just inexact: of two channels that tell of the same thing, as a velocity and the
-/// slope of a position. Scale errors of instruments are below.
+/// The least factor that means wrong numbers, not just inexact ones. It is for two channels that measure the same
+/// quantity, such as a velocity and the slope of a position. Scale errors of instruments are smaller.
 pub(super) const NEAR: f64 = 1.25;
-/// ... and of what a course tells, which slips, lags and cuts corners.
+/// ... and for a comparison with a course, which slips, lags and cuts corners.
 pub(super) const FAR: f64 = 2.0;
-/// Standard errors from which on a correlation tells a sign, where nothing else does.
+/// Standard errors from which a correlation decides a sign, if nothing else does.
 const LEANS: f64 = 3.0;
 
-/// What is expected along one axis, best explained.
+/// The best explanation of the expected value along one axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fit {
-    /// The axis that explains it best, and whether its sign is the other one.
+    /// The axis that explains it best.
     pub(super) axis: usize,
-    /// Whether its sign is the other one.
+    /// True if its sign is inverted.
     pub(super) negative: bool,
-    /// The correlation with it, without sign.
+    /// The absolute correlation with it.
     pub(super) correlation: f64,
     /// How much better this is than no explanation, in standard errors.
     pub(super) certainty: f64,
-    /// How much better this is than what is declared, in standard errors; zero where it is that.
+    /// How much better this is than the declaration, in standard errors; zero if it is the declared axis.
     pub(super) margin: f64,
-    /// By how much the numbers are too small: between the slopes of both regressions, which noise in the one or in the
-    /// other lets be too flat.
+    /// The factor by which the numbers are too small. It is between the slopes of both regressions, because noise in
+    /// either variable flattens a slope.
     pub(super) factor: [f64; 2],
-    /// How well each axis explains it, in standard errors, with the sign of the correlation.
+    /// How well each axis explains the expected value, in standard errors, with the sign of the correlation.
     pub(super) along: [f64; 3],
     /// Samples.
     pub(super) count: usize,
 }
 
 impl Fit {
-    /// Whether the data can tell.
+    /// Returns true if the data decide.
     pub(super) fn is_clear(&self) -> bool {
         self.certainty >= self.certain() && self.correlation >= CLEAR
     }
 
-    /// Whether the data speak clearly for another signed axis than the declared one.
+    /// Returns true if the data clearly support another signed axis than the declared one.
     pub(super) fn is_other(&self) -> bool {
         self.is_clear() && self.margin >= self.certain()
     }
@@ -67,13 +68,13 @@ impl Fit {
         if self.correlation >= PLAIN { LIKELY } else { CERTAIN }
     }
 
-    /// Whether an axis explains it with the other sign; `None` where the data do not decide.
+    /// Returns true if an axis explains it with the inverted sign; `None` if the data do not decide.
     pub(super) fn leans(&self, axis: usize) -> Option<bool> {
         let z = self.along[axis];
         (z.abs() >= LEANS).then_some(z < 0.0)
     }
 
-    /// The factor, where all from 1/`limit` to `limit` are excluded.
+    /// The factor, if the data exclude all factors from 1/`limit` to `limit`.
     pub(super) fn wrong_factor(&self, limit: f64) -> Option<f64> {
         let [least, most] = self.factor;
         let is_wrong = least > limit || most < 1.0 / limit;
@@ -81,7 +82,7 @@ impl Fit {
     }
 }
 
-/// Explains `expected` by an axis of `measured`; `own` is the declared one. `None` for a log that is too short.
+/// Explains `expected` by an axis of `measured`; `own` is the declared axis. `None` if the log is too short.
 pub(super) fn fit(own: usize, expected: &[f64], measured: &[Vector3<f64>]) -> Option<Fit> {
     let count = (expected.len() / SHORTEST).min(PARTS);
     if count < FEWEST {
@@ -155,19 +156,20 @@ impl Moments {
         if power > 0.0 { self.em[axis] / power.sqrt() } else { 0.0 }
     }
 
-    /// Fisher's transformation, in which correlations scatter alike; exact data are as good as 1 − 10⁻⁶.
+    /// Fisher's transformation, which gives correlations an equal scatter. Exact data count as 1 − 10⁻⁶.
     fn fisher(&self, axis: usize) -> f64 {
         const EXACT: f64 = 1.0 - 1e-6;
         self.correlation(axis).clamp(-EXACT, EXACT).atanh()
     }
 }
 
-/// A figure of the whole log over its standard error, by the jackknife: its scatter when each part in turn is left out.
+/// A figure of the whole log divided by its standard error. The jackknife gives the error: each part in turn is left
+/// out.
 fn certainty(all: &Moments, without: &[Moments], figure: impl Fn(&Moments) -> f64) -> f64 {
     let n = without.len() as f64;
     let figures: Vec<f64> = without.iter().map(&figure).collect();
     let mean = figures.iter().sum::<f64>() / n;
     let variance = (n - 1.0) / n * figures.iter().map(|f| (f - mean).powi(2)).sum::<f64>();
-    // Exact data leave no scatter: 1 % is as good as it gets.
+    // Exact data have no scatter: 1 % is the lower limit.
     figure(all) / variance.sqrt().max(0.01)
 }

@@ -15,7 +15,7 @@ pub(super) struct Upright {
 }
 
 impl Upright {
-    /// Its mean over seconds; `None` where the direction changes too much, or is along no axis.
+    /// Its mean over seconds; `None` if the direction changes too much, or is not along an axis.
     pub(super) fn of(track: &Track) -> Option<Self> {
         let times = track.times.iter().zip(track.times.iter().skip(10));
         let seconds: Vec<Vector3<f64>> = times.step_by(10).filter_map(|(a, b)| track.mean(*a, *b)).collect();
@@ -34,7 +34,7 @@ impl Upright {
         })
     }
 
-    /// Whoever walks shakes the median by a quarter.
+    /// Returns true if the size is clearly not gravity. Walking changes the median by a quarter.
     pub(super) fn is_wrong(&self) -> bool {
         (self.size / GRAVITY).ln().abs() > 0.5
     }
@@ -58,5 +58,5 @@ impl Upright {
     }
 }
 
-/// What keeps upright has gravity within 26° of an axis on average: cos 26°.
+/// An upright body has gravity within 26° of an axis on average: cos 26°.
 const UPRIGHT: f64 = 0.9;

@@ -1,5 +1,5 @@
-//! Velocities and positions, compared with one another. Where two contradict each other, everything else that moves is asked which of
-//! them is right.
+//! Compares velocities and positions with one another. If two contradict each other, the other motion channels decide
+//! which is right.
 
 use super::clock;
 use super::heading::Turned;
@@ -12,12 +12,13 @@ use super::regression::{FAR, Fit, NEAR};
 use fusion::config::{Diagnostic, Node};
 use fusion_core::geometry::wgs84::Geodetic;
 
-/// Positions so far from the origin of the design are somewhere else \[m\].
+/// Positions further than this from the origin of the design are wrong \[m\].
 const FROM_ORIGIN: f64 = 1e6;
-/// ... and so far from the reference, across and in height: heights above the sea and above the ellipsoid differ by less.
+/// ... and further than this from the reference, horizontally and in height. Heights above the sea and above the
+/// ellipsoid differ by less.
 const FROM_REFERENCE: f64 = 1e3;
 const HEIGHT: f64 = 150.0;
-/// Mean velocities over so many seconds are compared too: noise of positions counts less.
+/// Mean velocities over this time are also compared, because noise of positions then has less effect \[s\].
 const STRIDE: f64 = 5.0;
 
 /// The velocity of a source, or the slope of its position.
@@ -45,7 +46,8 @@ impl Moved {
         }
     }
 
-    /// How this one, as measured, goes with another, as expected: of each axis the clearest, over short and over long intervals.
+    /// The agreement of this track, as measured, with another, as expected. For each axis it is the clearest fit over
+    /// short and long intervals.
     fn beside(&self, other: &Self) -> [Option<Fit>; 3] {
         let [fast, slow] = [0.0, STRIDE].map(|seconds| {
             let mut expected = Expected::default();
@@ -61,7 +63,7 @@ impl Moved {
         resolved(clearest)
     }
 
-    /// Headings with courses, where it moves.
+    /// Pairs of heading and course, while it moves.
     pub(super) fn headings(&self, track: &Track) -> Vec<(f64, f64)> {
         let pairs = headings(track).into_iter().filter_map(|(t, heading)| {
             let v = self.velocities.at(t).filter(|v| v.xy().norm() > MIN_SPEED)?;
@@ -71,21 +73,21 @@ impl Moved {
     }
 }
 
-/// Whether fits contradict what is declared.
+/// Returns true if fits contradict the declaration.
 pub(super) fn is_contradicted(fits: &[Option<Fit>; 3], limit: f64) -> bool {
     let known = known(fits);
     let is_other = |row: usize| known[row].is_some_and(|k| k != (row, false));
     (0..3).any(is_other) || wrong_factor(fits, limit).is_some() || wrong_across(fits)
 }
 
-/// Whether north and east alone are wrong by a factor: angles in another unit.
+/// Returns true if only north and east are wrong by a factor: angles in another unit.
 fn wrong_across(fits: &[Option<Fit>; 3]) -> bool {
     let wrong = |row: usize| fits[row].is_some_and(|f| f.wrong_factor(NEAR).is_some());
     wrong(0) && wrong(1) && !wrong(2)
 }
 
-/// Without the axes of which the samples are too few. What swings faster than it is sampled seems to swing slowly: then velocity and
-/// slope go together with some factor, and with either sign. A unit has a factor that is known, or that another axis has too.
+/// Removes the axes with too few samples. Motion faster than the sample rate looks slow. Then velocity and slope agree
+/// up to some factor, with either sign. A wrong unit gives a known factor, or the same factor on another axis.
 fn resolved(fits: [Option<Fit>; 3]) -> [Option<Fit>; 3] {
     let factor = |row: usize| fits[row].and_then(|f| f.wrong_factor(FAR));
     let is_alone = |row: usize, of: f64| {
@@ -99,10 +101,10 @@ fn resolved(fits: [Option<Fit>; 3]) -> [Option<Fit>; 3] {
     core::array::from_fn(|row| fits[row].filter(|fit| is_resolved(row, fit)))
 }
 
-/// Factors of two axes are one, if the logarithms differ by less.
+/// Factors of two axes are equal if their logarithms differ by less than this.
 const SHARED: f64 = 0.25;
 
-/// For or against.
+/// A vote for (1) or against (−1).
 pub(super) fn vote(fits: &[Option<Fit>; 3], limit: f64) -> i32 {
     match known(fits) {
         _ if is_contradicted(fits, limit) => -1,
@@ -127,7 +129,7 @@ impl Judge<'_> {
         }
     }
 
-    /// Goes on with what has been put right.
+    /// Continues with the corrected track.
     fn replace(&mut self, track: Track) {
         self.mended.push((track.source, track.channel));
         if let Some(old) = self
@@ -143,7 +145,7 @@ impl Judge<'_> {
         self.tracks.retain(|t| t.source != track.source || t.channel != track.channel);
     }
 
-    /// Compares where positions are with the origin and with the reference.
+    /// Compares positions with the origin and with the reference.
     pub(super) fn places(&mut self) {
         let origin: Option<Geodetic> = self.design.run.origin.map(Into::into);
         let from_origin = |track: &Track| Some(place::apart(track, |_| origin)?.0);
@@ -227,7 +229,7 @@ impl Judge<'_> {
         }
     }
 
-    /// Every velocity, compared with a position, and put right; those of the filter's own data first.
+    /// Compares each velocity with a position and corrects it, first those of the filter's own data.
     pub(super) fn velocities(&mut self) -> Vec<Moved> {
         for track in self.all("velocity") {
             let beside = self.beside(&track, "position");
@@ -236,7 +238,7 @@ impl Judge<'_> {
                 self.pair(&track, &position);
             }
         }
-        // A position that no velocity goes with.
+        // A position without a velocity that agrees.
         let is_own = |t: &Track| !self.is_reference(t);
         if !self.all("velocity").iter().any(is_own) {
             let (references, own): (Vec<Track>, Vec<Track>) = self.all("position").into_iter().partition(|t| self.is_reference(t));
@@ -252,7 +254,7 @@ impl Judge<'_> {
         all
     }
 
-    /// Compares a velocity, or the slope of a position, with a position, and puts right what is wrong of the two.
+    /// Compares a velocity, or the slope of a position, with a position, and corrects the wrong one.
     fn pair(&mut self, track: &Track, position: &Track) {
         let [one, other] = [track, position].map(|t| self.moved(t));
         let fits = one.beside(&other);
@@ -267,7 +269,7 @@ impl Judge<'_> {
         let trust = if is_wrong { trusts() } else { 0 };
         let is_other = is_wrong
             && match trust {
-                // No velocity is wrong by the factor between degrees and radians, or north and east alone.
+                // A velocity is not wrong by the factor between degrees and radians, nor in north and east alone.
                 0 => !one.is_position() && (wrong_across(&fits) || angles(&other)),
                 by => by > 0,
             };
@@ -277,7 +279,7 @@ impl Judge<'_> {
             self.slope(wrong, right, &fits);
             return;
         }
-        // Where nothing else says which of the two it is.
+        // If nothing else decides which of the two is wrong.
         let or = (is_wrong && trust == 0 && right.is_position())
             .then(|| self.change(right, wrong))
             .flatten();
@@ -308,7 +310,7 @@ impl Judge<'_> {
         });
     }
 
-    /// The change of a position after which it goes with another motion.
+    /// The change of a position that makes it agree with another motion.
     fn change(&self, wrong: &Moved, right: &Moved) -> Option<(Change, Track)> {
         let channel = self.node(&wrong.track).at("channels.position");
         let fits = |track: &Track| self.moved(track).beside(right);
@@ -322,7 +324,7 @@ impl Judge<'_> {
         })
     }
 
-    /// Tells what the slope of a position says, where it is the position that is wrong, or nothing is.
+    /// Reports the slope of a position if the position is wrong, or if nothing is wrong.
     fn slope(&mut self, wrong: &Moved, right: &Moved, fits: &[Option<Fit>; 3]) {
         if fits.iter().all(Option::is_none) {
             return;
@@ -374,7 +376,8 @@ impl Judge<'_> {
         }
     }
 
-    /// How many of the others that tell of the motion go with this one, less how many contradict it; `other` is not asked.
+    /// The number of other motion channels that agree with this one, minus the number that contradict it; `other` is
+    /// left out.
     fn trust(&self, moved: &Moved, other: &Moved) -> i32 {
         let is_asked = |t: &&Track| matches!(t.channel, "velocity" | "position") && !moved.is(t) && !other.is(t);
         let movers = self
@@ -401,7 +404,8 @@ impl Judge<'_> {
     }
 }
 
-/// What to write of a position by its distances from the origin; what is expected along a row is at the axis of `whole`.
+/// The text for a position given by its distances from the origin. The expected value of a row is at the axis of
+/// `whole`.
 fn local(channel: Option<&Node>, whole: &Whole) -> Option<String> {
     let keys = ["north", "east", if channel?.get("up").is_some() { "up" } else { "down" }];
     let columns = keys.iter().map(|key| channel?.get(key)?.as_str()).collect::<Option<Vec<&str>>>()?;

@@ -1,4 +1,4 @@
-//! Inertial units that stand side by side in the columns of one file.
+//! Several inertial units in the columns of one file.
 
 use super::log::Log;
 use super::signal::{Kind, Signal, signals};
@@ -14,9 +14,9 @@ pub struct Unit {
 }
 
 impl Unit {
-    /// The units of a table besides the one whose quantities these are, by the names of their columns.
+    /// The units of a table, except the unit with these quantities, by the names of their columns.
     pub(super) fn beside(table: &mut Table, of: &[Signal], rate: f64) -> Vec<Self> {
-        /// More units nobody mounts on one vehicle.
+        /// No vehicle has more units.
         const MOST: usize = 8;
         let columns = |of: &[Signal], kind: Kind| {
             let signal = of
@@ -32,7 +32,7 @@ impl Unit {
         };
         let (mut all, mut hidden, mut last) = (Vec::new(), Vec::new(), unit(of));
         while let Some(found) = last.take().filter(|_| all.len() < MOST) {
-            // Without a name it is not found again.
+            // Without a name a column is not found again.
             for k in found.force.iter().chain(&found.rate) {
                 let of = &mut table.columns[*k];
                 hidden.push((*k, core::mem::take(&mut of.name), of.label.take()));
@@ -48,7 +48,7 @@ impl Unit {
 }
 
 impl Log {
-    /// What is said of units in columns side by side.
+    /// A note about several units in one file.
     pub(super) fn side_by_side(&self) -> Option<String> {
         if self.others.is_empty() {
             return None;

@@ -1,4 +1,4 @@
-//! The stamps of a file: which column, which unit, how regular.
+//! The stamps of a file: their column, their unit, how regular they are.
 
 use super::Day;
 use super::numbers::{median, quantile};
@@ -6,7 +6,7 @@ use super::signal::factor;
 use super::words::{Words, contains};
 use fusion::source::table::{Column, Table, gps_of_unix};
 
-/// An interval longer than so many usual ones is a gap.
+/// An interval longer than this number of usual ones is a gap.
 const GAP: f64 = 3.5;
 
 /// How the stamps of a file are written.
@@ -18,17 +18,18 @@ pub enum Form {
     Sum {
         /// The second column.
         second: usize,
-        /// What one of it stands for, as designs write it.
+        /// The unit of the second column, as designs write it.
         each: &'static str,
     },
-    /// The number of a recording in a second column, whose clocks begin anew: so many seconds are taken for each.
+    /// A second column numbers the recordings, whose clocks restart: each recording is shifted by this number of
+    /// seconds.
     Recordings {
         /// The second column.
         second: usize,
         /// Seconds for each.
         each: u32,
     },
-    /// What a column counts; a comment tells how many there are in a second.
+    /// A counter; a comment gives its counts per second.
     Counter,
     /// Dates with the time of day.
     Calendar,
@@ -36,10 +37,10 @@ pub enum Form {
     Even,
 }
 
-/// What the stamps of a file count from.
+/// The origin of the stamps of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// Nobody says it.
+    /// The file does not give it.
     Unknown,
     /// GPS time, as calendars and GPS weeks are read.
     Gps,
@@ -57,7 +58,7 @@ pub struct Clock {
     pub column: usize,
     /// How it is written.
     pub form: Form,
-    /// What it counts from.
+    /// Its origin.
     pub origin: Origin,
     /// Its unit as designs write it.
     pub unit: &'static str,
@@ -71,22 +72,22 @@ pub struct Clock {
     pub jitter: f64,
     /// Intervals of more than 3.5 usual ones.
     pub gaps: usize,
-    /// The longest interval \[s\], and where it begins.
+    /// The longest interval \[s\], and its start.
     pub longest: (f64, f64),
     /// Rows with the stamp of the row before.
     pub ties: usize,
     /// Rows with an earlier stamp than the row before.
     pub backwards: usize,
-    /// Of these, those that go back by more than a second: the clock began anew.
+    /// Rows whose stamp goes back by more than a second: the clock restarted.
     pub resets: usize,
-    /// What was added to the stamps, to bring them to the clock of the positions \[s\].
+    /// The shift that brings the stamps to the clock of the positions \[s\].
     pub shift: f64,
-    /// The day of times of day, where the file has no date.
+    /// The day of times of day, if the file has no date.
     pub day: Option<Day>,
 }
 
 impl Clock {
-    /// That of a table; `None` where no column looks like time.
+    /// The clock of a table; `None` if no column looks like time.
     pub(super) fn of(table: &Table) -> Option<Self> {
         let unnamed = || rising(table).filter(|k| !is_counter(table, *k));
         let clock =
@@ -95,7 +96,7 @@ impl Clock {
         Some(clock.of_recordings(table).unwrap_or(clock))
     }
 
-    /// That of a column which is called time.
+    /// The clock from a column that is called time.
     pub(crate) fn named(table: &Table) -> Option<Self> {
         if let Some(column) = table.stamp {
             let words = stamp_words(table.columns[column].called());
@@ -104,7 +105,7 @@ impl Clock {
                 .or_else(|| Some(Self::at(table, column, &words)));
         }
         let by_name = || named(table).map(|(column, words)| Self::at(table, column, &words));
-        // Dates to the second beside finer stamps say when the log is from, not when a row is.
+        // Dates to the second next to finer stamps give the date of the log, not the time of a row.
         let dates = calendar(table);
         let fine = dates.clone().filter(|c| c.ties * 2 < c.stamps.len() && c.day.is_none());
         let others = || week(table).or_else(|| split(table)).or_else(by_name).or_else(|| even(table));
@@ -127,7 +128,7 @@ impl Clock {
         }
     }
 
-    /// The columns that it is read from.
+    /// The columns that the clock reads.
     pub(super) fn columns(&self, table: &Table) -> Vec<usize> {
         let date = table.columns[self.column].calendar.as_ref().and_then(|c| c.date);
         let second = match self.form {
@@ -137,8 +138,8 @@ impl Clock {
         core::iter::once(self.column).chain(second).collect()
     }
 
-    /// Brings stamps of a size that counts since 1970 to GPS time, where they are beside clocks of that: whichever of both
-    /// clocks it is, the logs are of one time.
+    /// Brings stamps that may count since 1970 to GPS time, if other logs have GPS time. Of both origins it takes the
+    /// one that brings the logs closer together.
     pub(super) fn bring_to_gps(&mut self, others: (f64, f64)) {
         let (first, last) = self.span();
         let Some(shift) = gps_of_unix(first).map(|gps| gps - first) else {
@@ -182,9 +183,10 @@ impl Clock {
         }
     }
 
-    /// As this one, where it begins anew each time that another column steps: the number of a recording.
+    /// This clock, if it restarts each time that another column (the number of a recording) steps.
     fn of_recordings(&self, table: &Table) -> Option<Self> {
-        /// Between two recordings the state is not carried on: more than any gap that it is \[s\].
+        /// The filter does not continue from one recording to the next: this is longer than any gap that it bridges
+        /// \[s\].
         const APART: f64 = 10.0;
         if self.resets == 0 || self.form != Form::Count {
             return None;
@@ -243,7 +245,7 @@ fn calendar(table: &Table) -> Option<Clock> {
     })
 }
 
-/// Rows that a column counts, whose rate a comment tells.
+/// Rows that a column counts; a comment gives their rate.
 fn counted(table: &Table) -> Option<Clock> {
     let (comment, rate) = table.told.as_ref()?;
     let column = rising(table).filter(|k| is_counter(table, *k))?;
@@ -257,7 +259,7 @@ fn counted(table: &Table) -> Option<Clock> {
     })
 }
 
-/// Samples whose rate a number beside them says.
+/// Evenly spaced samples; a number in the file gives their rate.
 fn even(table: &Table) -> Option<Clock> {
     let (name, rate) = table.rate.as_ref()?;
     let stamps = table.columns.first()?.values.iter().map(|v| v * 1e-9);
@@ -270,7 +272,7 @@ fn even(table: &Table) -> Option<Clock> {
     })
 }
 
-/// The column whose last word is one of these, and what stands before.
+/// The column whose last word is one of these, and the part of its name before that word.
 fn ending(table: &Table, words: &[&str], is_sound: impl Fn(f64) -> bool) -> Option<(usize, String)> {
     let name = |k: usize| table.columns[k].called().to_lowercase();
     let found = (0..table.columns.len()).find_map(|k| {
@@ -295,7 +297,7 @@ fn sum(table: &Table, column: usize, unit: &'static str, second: usize, each: &'
     }
 }
 
-/// A GPS week, and the time of it.
+/// A GPS week and the time of week.
 fn week(table: &Table) -> Option<Clock> {
     let (second, _) = ending(table, &["week", "weeknumber", "wn", "gpsweek"], |v| {
         v.fract() == 0.0 && (1000.0..10_000.0).contains(&v)
@@ -313,7 +315,7 @@ fn week(table: &Table) -> Option<Clock> {
     })
 }
 
-/// Whole seconds, and what is beyond them in finer units.
+/// Whole seconds, and their fraction in finer units.
 fn split(table: &Table) -> Option<Clock> {
     let whole = |limit: f64| move |v: f64| v.fract() == 0.0 && (0.0..limit).contains(&v);
     let nanos = ending(
@@ -327,8 +329,8 @@ fn split(table: &Table) -> Option<Clock> {
     (prefix == fine.1).then(|| sum(table, column, "s", fine.0, each, size))
 }
 
-/// The name of a column of stamps, taken apart. A unit may be joined to it, as in `TimeUS`; that of no other quantity may,
-/// for `times` is a word and `accels` another.
+/// The words in the name of a column of stamps. A unit may be joined to it, as in `TimeUS`. Other quantities have no
+/// joined unit, because `times` is a word and `accels` another.
 pub(super) fn stamp_words(name: &str) -> Words {
     let mut words = Words::of(name);
     let joined = ["timestamp", "time"]
@@ -349,7 +351,8 @@ pub(super) fn is_called_time(words: &Words) -> bool {
     words.ends_with(&["t", "time", "timestamp", "stamp", "tow", "gpst", "utc"])
 }
 
-/// The column that is called time. A `t` alone may be a temperature: any other such name outranks it, and it has to rise.
+/// The column that is called time. A `t` alone may be a temperature: any other such name outranks it, and it has to
+/// rise.
 fn named(table: &Table) -> Option<(usize, Words)> {
     let words = table.columns.iter().map(|c| stamp_words(c.called())).enumerate();
     let is_number = |k: &usize| {
@@ -368,14 +371,15 @@ fn is_in_order(table: &Table, column: usize) -> bool {
     values.windows(2).filter(|w| w[1] < w[0]).count() * 100 < values.len()
 }
 
-/// Whether a column that is not called time rises by exactly one from row to row: it counts the rows, and says nothing of their
-/// rate.
+/// Returns true if a column that is not called time rises by exactly one from row to row. It counts the rows, and gives
+/// no rate.
 fn is_counter(table: &Table, column: usize) -> bool {
     let column = &table.columns[column];
     let by_one = column.values.windows(2).filter(|w| w[1] - w[0] == 1.0).count();
     let is_unit = |unit: &str| matches!(unit, "s" | "ms" | "us" | "ns");
     let words = Words::of(column.called());
-    // Packets may be lost, or told of one sensor each n-th time: whole numbers that are called a count are one.
+    // Packets may be lost, or every n-th row may belong to one sensor: whole numbers that are called a count are a
+    // counter.
     let is_called = contains(
         &words.stem,
         &["packet", "count", "counter", "index", "sample", "samples", "frame", "seq", "row"],
@@ -383,7 +387,7 @@ fn is_counter(table: &Table, column: usize) -> bool {
     !words.unit.is_some_and(is_unit) && !is_unit(&words.stem) && (is_called || by_one * 100 >= column.values.len().saturating_sub(1) * 99)
 }
 
-/// Why a table has no clock, in a sentence about its file; and what to do.
+/// Why a table has no clock, in a sentence about its file, and what to do.
 pub(super) fn why_none(table: &Table) -> String {
     let name = table.path.file_name().unwrap_or_default().to_string_lossy();
     let is_text = |c: &&Column| {
@@ -396,7 +400,7 @@ pub(super) fn why_none(table: &Table) -> String {
         let (column, first) = (&column.name, column.first.trim());
         let parts: Vec<&str> = first.split(|c: char| !c.is_ascii_digit()).collect();
         let numbers: Vec<u32> = parts.iter().map_while(|p| p.parse().ok()).collect();
-        // A day or a month first: of numbers up to twelve nobody knows which.
+        // The day or the month may come first: numbers up to twelve do not show it.
         let order = match numbers[..] {
             [1..=12, 13..=31, ..] => Some("\"mdy\""),
             [13..=31, 1..=12, ..] => Some("\"dmy\""),
@@ -412,7 +416,7 @@ pub(super) fn why_none(table: &Table) -> String {
         };
     }
     if let Some(counter) = rising(table).filter(|k| is_counter(table, *k)) {
-        // A column without a name of its own is called by its number.
+        // A column without a name is called by its number.
         let number = (counter + 1).to_string();
         let column = Some(&table.columns[counter].name)
             .filter(|name| !name.is_empty() && table.names.is_none())
@@ -425,7 +429,7 @@ pub(super) fn why_none(table: &Table) -> String {
     format!("`{name}` has no column of time: none is called `t`, `time` or `timestamp`, and none rises from row to row")
 }
 
-/// Takes in each table the column of time that all the others use, where it has one of that name besides.
+/// Selects in each table the column of time that all other tables use, if this table has a column of that name, too.
 pub(super) fn agree(tables: &mut [Table]) {
     let used = |table: &Table| {
         let clock = Clock::named(table)?;
@@ -455,7 +459,7 @@ pub(super) fn agree(tables: &mut [Table]) {
     }
 }
 
-/// The column that rises from row to row, all but a hundredth of them.
+/// The column that rises from row to row, except in a hundredth of the rows.
 fn rising(table: &Table) -> Option<usize> {
     let rises = |k: &usize| {
         let values = &table.columns[*k].values;
@@ -474,7 +478,7 @@ fn unit(words: &Words, values: &[f64], step: f64) -> (&'static str, String) {
     if let Some(unit) = ["ms", "us", "ns"].into_iter().find(|unit| *unit == words.stem) {
         return (unit, "by its name".to_owned());
     }
-    // A date of this century in each unit, or the interval of a counter since power-up.
+    // A date of this century in each unit, or the step of a counter since power-up.
     let first = values.iter().copied().find(|v| v.is_finite()).unwrap_or_default().abs();
     let unit = match (first, step) {
         (f, _) if f > 1e17 => "ns",
@@ -523,7 +527,7 @@ mod tests {
         assert_eq!(unit("#timestamp [ns]", 1.52e18, 5e6), "ns");
         assert_eq!(unit("Timestamp", 1.586e9, 0.26), "s");
         assert_eq!(unit("1", 261_906.0, 10.0), "ms");
-        // Joined to the name, in any case, and before the size: this looks like seconds of 2016.
+        // Joined to the name, in any case, and before the size: the number looks like seconds of 2016.
         assert_eq!(unit("TimeUS", 1.464e9, 2e5), "us");
         assert_eq!(unit("timestampMs", 0.0, 1.0), "ms");
         assert_eq!(stamp_words("TimeUS [us]").stem, "time");

@@ -9,7 +9,7 @@ use fusion::source::table::{Calendar, Column, SOME_DAY, Table, gps_of_text, gps_
 pub struct Day {
     /// As designs write it.
     pub date: String,
-    /// The file that tells it.
+    /// The file that gives it.
     pub from: Option<String>,
 }
 
@@ -22,8 +22,8 @@ impl Default for Day {
     }
 }
 
-/// Reads a column of `hhmmss.ss`, as NMEA writes times of day, as what it is, where no column has dates; and goes on after
-/// midnight.
+/// Reads a column of `hhmmss.ss`, the NMEA form of times of day, as times of day, if no column has dates. It continues
+/// after midnight.
 pub(super) fn read_times_of_day(table: &mut Table) {
     let Some(midnight) = gps_of_text(&format!("{SOME_DAY}T00:00:00Z")) else {
         return;
@@ -49,10 +49,10 @@ pub(super) fn read_times_of_day(table: &mut Table) {
     }
 }
 
-/// Whether a column is called time and holds hours, minutes and seconds in one number: written with six digits, never 60
-/// minutes or seconds, and on to the next minute now and then, which no count of seconds does.
+/// Returns true if a column is called time and holds hours, minutes and seconds in one number. It has six digits and
+/// never 60 minutes or seconds. Now and then it moves to the next minute, which no count of seconds does.
 fn is_hhmmss(column: &Column) -> bool {
-    /// Samples that are rarer tell no seconds apart from hundreds \[s\].
+    /// Rarer samples cannot separate seconds from hundreds \[s\].
     const RARE: f64 = 30.0;
     let whole = column.first.split('.').next().unwrap_or_default();
     let is_written = whole.len() == 6 && whole.bytes().all(|b| b.is_ascii_digit());
@@ -73,9 +73,9 @@ fn is_hhmmss(column: &Column) -> bool {
     values().all(|v| is_time(&v)) && is_often && (goes_on || whole.starts_with('0'))
 }
 
-/// Gives times of day the day at which they are nearest to a log that has dates, or counts from a known day.
+/// Gives times of day the day that brings them nearest to a log with dates, or to a log that counts from a known day.
 pub(super) fn give_days(logs: &mut [Log]) {
-    /// Seconds since 1970 or 1980 are more in any log of this century.
+    /// Seconds since 1970 or 1980 are larger in any log of this century.
     const ABSOLUTE: f64 = 6e8;
     let is_dated = |clock: &&Clock| clock.day.is_none() && (clock.origin == Origin::Gps || clock.span().0 > ABSOLUTE);
     let in_gps = |clock: &Clock| {
@@ -103,7 +103,7 @@ pub(super) fn give_days(logs: &mut [Log]) {
         let by = |day: &String| Some(noon(day)? - some_day);
         let apart = |by: f64| (first + by - span.1).max(span.0 - last - by).max(0.0);
         let known = days.into_iter().filter_map(|day| Some((by(&day)?, day)));
-        // Of two that are as near, the one that begins nearer to the other.
+        // If two days are equally near, take the day that brings the starts of both logs closer.
         let rank = |(by, _): &(f64, String)| (apart(*by), (first + by - span.0).abs());
         let nearest = known.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(core::cmp::Ordering::Equal));
         if let Some((by, date)) = nearest {
@@ -123,7 +123,7 @@ fn noon(day: &str) -> Option<f64> {
 }
 
 impl Log {
-    /// What is said of times of day without a date.
+    /// A note about times of day without a date.
     pub(super) fn of_day(&self) -> Option<String> {
         let clock = self.clock.as_ref()?;
         let (day, column) = (clock.day.as_ref()?, &self.table.columns[clock.column].name);
@@ -136,7 +136,7 @@ impl Log {
 }
 
 impl Clock {
-    /// Why a time of day is on its day.
+    /// The reason for the day of a time of day.
     pub(super) fn why_day(&self) -> Option<String> {
         let day = self.day.as_ref().filter(|_| self.form == Form::Calendar)?;
         Some(match &day.from {

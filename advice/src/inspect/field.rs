@@ -1,4 +1,4 @@
-//! A magnetometer beside an inertial unit: the Earth's field as it reads it, if it is that.
+//! A magnetometer next to an inertial unit: the Earth's field as it reads it, if it does.
 
 use super::log::Log;
 use super::numbers::{Integral, Vec3, median, norm};
@@ -6,31 +6,31 @@ use super::pair::dot;
 use super::signal::Kind;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// Fields of the Earth are so strong, iron included that a state can take \[T\].
+/// Possible strengths of the Earth's field, including iron that a state can estimate \[T\].
 const STRENGTHS: core::ops::Range<f64> = 15e-6..80e-6;
-/// The mean force is taken so long before and after a field \[s\].
+/// The mean force is taken over this time before and after a field \[s\].
 const STEADY: f64 = 0.5;
-/// A step of the comparison ends when the gyros have turned by so much, which is more than the noise of the field \[rad\]; one
-/// that lasts longer says nothing, for the gyros drift \[s\].
+/// A step of the comparison ends when the gyros have turned by `TURNED`, which is more than the noise of the field
+/// \[rad\]. A step longer than `LONGEST` is ignored, because the gyros drift \[s\].
 const TURNED: f64 = 0.15;
 const LONGEST: f64 = 2.0;
-/// Fewer steps tell nothing.
+/// Fewer steps are not enough.
 const ENOUGH: usize = 20;
-/// The gyros turn as the field does if they explain so much of its turns.
+/// The gyros and the field turn alike if the gyros explain at least this share of the turns of the field.
 const EXPLAINED: f64 = 0.5;
-/// Signs that explain less than the best one by no more than this are possible too.
+/// Signs are possible, too, if they explain less than the best ones by at most this share.
 const ALIKE: f64 = 0.1;
 
-/// What a magnetometer reads of the Earth's field.
+/// The Earth's field as a magnetometer reads it.
 #[derive(Clone, Copy, Debug)]
 pub struct Field {
     /// Median strength \[T\].
     pub strength: f64,
-    /// Median angle below the plane across the specific force \[rad\].
+    /// Median angle below the plane perpendicular to the specific force \[rad\].
     pub dip: f64,
-    /// How much its length scatters, 1σ by the median \[T\].
+    /// The scatter of its length, 1σ by the median \[T\].
     pub scatter: f64,
-    /// How much of its turns the gyros explain: 1 is all.
+    /// The share of its turns that the gyros explain: 1 is all.
     pub explained: f64,
 }
 
@@ -43,10 +43,10 @@ struct Side<'a> {
 }
 
 impl Field {
-    /// Of a log with a field, and one of the unit, the bias of whose gyros is known; `None` where one of both has no numbers.
+    /// From a log with a field and a log of the unit with a known gyro bias; `None` if one of them has no numbers.
     ///
     /// # Errors
-    /// Why it is not used: it is not as strong as the Earth's, or does not turn as the gyros do.
+    /// The reason why it is not used: it is not as strong as the Earth's, or does not turn as the gyros do.
     pub(super) fn of(log: &Log, unit: &Log, bias: Vec3) -> Option<Result<Self, String>> {
         let field = log.values(Kind::MagneticField)?;
         let (force, rate) = (unit.values(Kind::SpecificForce)?, unit.values(Kind::AngularRate)?);
@@ -63,7 +63,7 @@ impl Field {
             );
             return Some(Err(why));
         }
-        // Of a normal number, half is within 0.674 σ.
+        // Half of the normal numbers are within 0.674 σ.
         let scatter = median(field.iter().map(|m| (norm(*m) - strength).abs())) / 0.674;
         let side = Side {
             t: log.stamps(),
@@ -86,7 +86,8 @@ impl Field {
 }
 
 impl Side<'_> {
-    /// How much of the turns of the field the gyros explain, each of their axes taken by a factor: 1 is all.
+    /// The share of the turns of the field that the gyros explain, with each gyro axis multiplied by a factor: 1 is
+    /// all.
     fn explained(&self, factors: Vec3) -> Result<f64, String> {
         let (mut seen, mut left, mut count) = (0.0, 0.0, 0);
         let (mut from, mut turn) = (0, Some(UnitQuaternion::identity()));
@@ -113,7 +114,7 @@ impl Side<'_> {
         Ok(1.0 - left / seen)
     }
 
-    /// The turn of the unit from one time to another; `None` where its samples do not reach.
+    /// The turn of the unit from one time to another; `None` if its samples do not cover it.
     fn turn(&self, from: f64, to: f64, factors: Vec3) -> Option<UnitQuaternion<f64>> {
         let first = self.unit.partition_point(|t| *t <= from);
         let last = self.unit.partition_point(|t| *t < to);
@@ -132,11 +133,11 @@ impl Side<'_> {
         Some(turn)
     }
 
-    /// In what gyros and field contradict each other: an axis of the gyros, or one of the magnetometer.
+    /// The gyro axis or magnetometer axis in which gyros and field contradict each other.
     fn contradiction(&self, explained: f64) -> String {
         let said = |of: f64| format!("{:.0} %", 100.0 * of.max(0.0));
         let why = format!("the gyros explain {} of its turns", said(explained));
-        // Of a mirrored field two axes of the gyros seem to count against it: all axes but the mirrored one.
+        // A mirrored field axis looks like two gyro axes with the wrong sign: all axes except the mirrored one.
         let of = |axis: usize, of_gyro: f64| [0, 1, 2].map(|i| if i == axis { of_gyro } else { -of_gyro });
         let tried = (0..6).filter_map(|k| {
             let (axis, is_gyro) = (k % 3, k < 3);

@@ -1,4 +1,4 @@
-//! An inertial unit by its samples: which way is up, when it rests, how much it is shaken.
+//! An inertial unit by its samples: its up axis, its rests, its vibration.
 
 use super::log::Log;
 use super::numbers::{Vec3, median, moments, norm, quantile};
@@ -8,47 +8,47 @@ use super::standing::Standing;
 
 /// Standard gravity \[m/s²\].
 const GRAVITY: f64 = 9.80665;
-/// How long a window of the rest test is \[s\].
+/// The length of a window of the rest test \[s\].
 const WINDOW: f64 = 1.0;
-/// Gyros whose mean rate at rest is larger turn there, if it is not the mean of the whole log to so much, too; no bias is
-/// larger than the other: 5 deg/s is the 1σ of consumer units at power-on, per axis \[rad/s\].
+/// Gyros with a mean rate above `TURNING` at rest turn there, except if the mean of the whole log agrees with it within
+/// `TURNING`. No bias is larger than `BIASED`: 5 deg/s is the 1σ per axis of consumer units at power-on \[rad/s\].
 const TURNING: f64 = 0.1;
 const BIASED: f64 = 0.35;
-/// What separates rest from motion where nobody tells the speed: this many times the quietest windows.
+/// The limit between rest and motion if no speed is reported: this number of times the quietest windows.
 const QUIET: f64 = 3.0;
-/// Windows in motion that pass for rest, per window at rest, if that can be told from motion by shaking: then hardly any
-/// window lies between the two. Slow motion has windows of every strength.
+/// The largest number of moving windows that look like rest, per window at rest, if vibration separates rest from
+/// motion. Then hardly any window is between the two; slow motion has windows of every strength.
 const VALLEY: f64 = 0.1;
-/// Limits of rest let so many windows in motion pass, per window at rest.
+/// Limits of rest accept at most this number of moving windows, per window at rest.
 const LEAK: f64 = 0.02;
 /// Factors of the limits that are tried.
 const TIMES: [f64; 4] = [2.0, 1.5, 1.25, 1.0];
-/// Windows that begin at any sample are shaken so much more than those that follow each other.
+/// Windows that begin at any sample are shaken more than adjacent windows by this factor.
 const SLIDING: f64 = 1.1;
-/// A unit that turns faster for a twentieth of the time errs by the scale and the axes of its gyros far more than by their
-/// noise [rad/s].
+/// A unit that turns faster for a twentieth of the time has far larger errors from gyro scale and axes than from noise
+/// [rad/s].
 const AGILE: f64 = 1.0;
-/// Nothing at rest is shaken more, an idling engine included \[m/s²\].
+/// No unit at rest is shaken more, not even by an idling engine \[m/s²\].
 const SHAKEN: f64 = 1.0;
 
-/// What the samples say.
+/// Results from the samples.
 #[derive(Clone, Debug)]
 pub struct Imu {
-    /// Mean specific force, at rest where there is rest \[m/s²\].
+    /// Mean specific force, at rest if it ever rests \[m/s²\].
     pub gravity: Vec3,
-    /// The sensor axis that points up most, and whether its opposite does.
+    /// The sensor axis that points up most, and whether its opposite points up.
     pub up: (usize, bool),
     /// The angle between that axis and the vertical \[rad\].
     pub tilt: f64,
-    /// What it reads at rest; `None` if it never rests.
+    /// The readings at rest; `None` if it never rests.
     pub rest: Option<Rest>,
-    /// How a standstill is told from motion, where somebody else tells of both.
+    /// How a standstill is separated from motion, if another source reports both.
     pub standing: Option<Standing>,
-    /// Regular short rests: of a foot.
+    /// Regular short rests of a foot.
     pub stances: Option<Stances>,
     /// The length of the angular rate, less the bias, that 95 % of the samples stay below \[rad/s\].
     pub turning: f64,
-    /// Of a unit that turns fast the lengths of force and rate that all but one of a thousand samples stay below.
+    /// For a unit that turns fast: the lengths of force and rate that all but one of a thousand samples stay below.
     pub agile: Option<(f64, f64)>,
     /// Strength \[T\] and dip \[rad\] of the magnetic field during the first rest.
     pub field: Option<(f64, f64)>,
@@ -59,22 +59,22 @@ pub struct Imu {
 pub struct Rest {
     /// Its share of the log.
     pub share: f64,
-    /// When the first one that lasts begins, and how long it lasts \[s\].
+    /// The start of the first rest of at least two windows, and its length \[s\].
     pub first: (f64, f64),
-    /// 95 % of the windows have standard deviations below \[m/s²\].
+    /// The limits that the standard deviations of 95 % of the windows stay below \[m/s²\].
     pub accel_std: Vec3,
-    /// The same of the rates \[rad/s\].
+    /// The same limits for the rates \[rad/s\].
     pub gyro_std: Vec3,
-    /// Limits of a test of rest are so many times the deviations above: the largest of a few factors that hardly any
-    /// window in motion passes, but no less than all of the first rest passes.
+    /// The limits of a rest test are this factor times the deviations above. It is the largest of a few factors that
+    /// hardly any moving window passes, but all of the first rest has to pass.
     pub times: f64,
     /// The share of the windows in motion that pass these limits; NaN if it never moves.
     pub passing: f64,
     /// The mean rate: the bias of the gyros \[rad/s\].
     pub bias: Vec3,
-    /// Noise densities by neighbouring means of a second \[m/s²/√Hz\].
+    /// Noise densities from means of neighbouring seconds \[m/s²/√Hz\].
     pub accel_noise: f64,
-    /// The same of the gyros \[rad/s/√Hz\].
+    /// The noise density of the gyros \[rad/s/√Hz\].
     pub gyro_noise: f64,
 }
 
@@ -82,7 +82,7 @@ struct Window {
     from: f64,
     force: [(f64, f64); 3],
     rate: [(f64, f64); 3],
-    /// Whether somebody else reports that it stands, or moves.
+    /// Whether another source reports that it stands, or moves.
     stands: Option<bool>,
 }
 
@@ -93,7 +93,7 @@ impl Window {
 }
 
 impl Imu {
-    /// Of a log with specific force and angular rate; `stands` says whether the vehicle stands at a time.
+    /// From a log with specific force and angular rate; `stands` returns whether the vehicle stands at a time.
     pub(super) fn of(log: &Log, stands: &dyn Fn(f64) -> Option<bool>) -> Option<Self> {
         let (force, rate) = (log.values(Kind::SpecificForce)?, log.values(Kind::AngularRate)?);
         let windows = windows(log.stamps(), &force, &rate, stands);
@@ -134,7 +134,7 @@ impl Imu {
                 log.stamps(),
                 &force,
                 &rate,
-                // Without a rest the mean is that of the swings, too.
+                // Without a rest, the mean also contains the swings.
                 rest.as_ref().map_or(GRAVITY, |_| norm(gravity)),
                 rest.as_ref().map(|r| r.bias),
             ),
@@ -153,7 +153,7 @@ fn windows(t: &[f64], force: &[Vec3], rate: &[Vec3], stands: &dyn Fn(f64) -> Opt
         if (0.0..WINDOW).contains(&elapsed) {
             continue;
         }
-        // A window with a gap in it, or one across a clock that went back, says nothing.
+        // Ignore a window with a gap, or one across a clock that went back.
         if (WINDOW..1.5 * WINDOW).contains(&elapsed) && end - begin >= 4 {
             let axis = |v: &[Vec3], i: usize| moments(v[begin..end].iter().map(|v| v[i]));
             all.push(Window {
@@ -172,13 +172,13 @@ fn windows(t: &[f64], force: &[Vec3], rate: &[Vec3], stands: &dyn Fn(f64) -> Opt
     all
 }
 
-/// Whether most windows are told of by somebody else.
+/// Whether another source reports on most windows.
 fn is_told(windows: &[Window]) -> bool {
     windows.iter().filter(|w| w.stands.is_some()).count() * 2 > windows.len()
 }
 
-/// Which windows are at rest: by the speed where somebody reports it, but for those that are shaken far more than most of
-/// these, as in a take-off; else the quietest ones.
+/// The windows at rest. They come from the reported speed if there is one, without windows that are shaken far more
+/// than most of them, as in a take-off. Without a speed, they are the quietest windows.
 fn resting(windows: &[Window]) -> Vec<bool> {
     if is_told(windows) {
         let told = || windows.iter().filter(|w| w.stands == Some(true));
@@ -190,7 +190,7 @@ fn resting(windows: &[Window]) -> Vec<bool> {
     let quiet = |of: fn(&Window) -> f64| quantile(windows.iter().map(of), 0.05);
     let (force, rate) = (quiet(|w| w.shaking().0), quiet(|w| w.shaking().1));
     let bias = [0, 1, 2].map(|i| median(windows.iter().filter(|w| w.shaking().1 <= QUIET * rate).map(|w| w.rate[i].0)));
-    // A vehicle that turns one way turns the other way later on: the mean of a log is that of its bias.
+    // A vehicle that turns one way later turns the other way: the mean of a log is the mean of its bias.
     let mean = [0, 1, 2].map(|i| moments(windows.iter().map(|w| w.rate[i].0)).0);
     let is_lasting = norm([0, 1, 2].map(|i| bias[i] - mean[i])) < TURNING && norm(bias) < BIASED;
     let is_bias = norm(bias) < TURNING || is_lasting;
@@ -201,21 +201,22 @@ fn resting(windows: &[Window]) -> Vec<bool> {
     windows.iter().map(is_quiet).collect()
 }
 
-/// The smallest step between neighbouring samples: that of the numbers as they are written; NaN of a constant.
+/// The smallest step between neighbouring samples: the resolution of the written numbers; NaN for a constant.
 fn step(samples: impl Iterator<Item = f64> + Clone) -> f64 {
     let steps = samples.clone().zip(samples.skip(1)).map(|(a, b)| (b - a).abs());
     steps.filter(|step| *step > 0.0).fold(f64::NAN, f64::min)
 }
 
-/// Deviations that something can be below. An axis that is constant at rest may still change between two neighbouring numbers,
-/// `step` apart, by half of it; one that is constant throughout says nothing, and takes that of the others.
+/// Deviations that are positive, so that samples can be below them. An axis that is constant at rest may still change
+/// by half of `step`, the distance of two neighbouring numbers. One that is constant throughout gives no information
+/// and takes the largest of the others.
 fn positive(deviations: Vec3, step: Vec3) -> Vec3 {
     let own = [0, 1, 2].map(|i| if deviations[i] > 0.0 { deviations[i] } else { 0.5 * step[i] });
     let largest = own.into_iter().fold(f64::NAN, f64::max);
     own.map(|deviation| if deviation > 0.0 { deviation } else { largest })
 }
 
-/// `steps` are those of the numbers, of force and rate.
+/// `steps` are the resolutions of force and rate.
 fn rest(windows: &[Window], resting: &[bool], steps: [Vec3; 2]) -> Option<Rest> {
     let at_rest = || windows.iter().zip(resting).filter(|(_, r)| **r).map(|(w, _)| w);
     let moving = || windows.iter().zip(resting).filter(|(_, r)| !**r).map(|(w, _)| w);
@@ -226,11 +227,11 @@ fn rest(windows: &[Window], resting: &[bool], steps: [Vec3; 2]) -> Option<Rest> 
         positive([0, 1, 2].map(|i| high(&|w| w.force[i].1)), steps[0]),
         positive([0, 1, 2].map(|i| high(&|w| w.rate[i].1)), steps[1]),
     );
-    // How many windows in motion limits of so many times these let pass.
+    // The number of moving windows that pass limits of `times` the deviations.
     let is_below = |of: &[(f64, f64); 3], limits: Vec3, times: f64| (0..3).all(|i| of[i].1 <= times * limits[i]);
     let passes = |w: &Window, times: f64| is_below(&w.force, accel_std, times) && is_below(&w.rate, gyro_std, times);
     let passing = |times: f64| moving().filter(|w| passes(w, times)).count() as f64;
-    // What is beside a window at rest is partly at rest: it says nothing of motion.
+    // A window next to a window at rest is partly at rest, so it does not count as motion.
     let is_beside = |k: usize| resting[k.saturating_sub(1)..(k + 2).min(resting.len())].contains(&true);
     let away = (0..windows.len())
         .filter(|k| !is_beside(*k) && passes(&windows[*k], TIMES[0]))
@@ -240,7 +241,8 @@ fn rest(windows: &[Window], resting: &[bool], steps: [Vec3; 2]) -> Option<Rest> 
     }
     let is_tight = |times: &f64| passing(*times) <= LEAK * count as f64;
     let tight = TIMES.into_iter().find(is_tight).unwrap_or(TIMES[TIMES.len() - 1]);
-    // All of the first rest has to pass: a start waits for a rest without a break, and six axes at 95 % each break it often.
+    // All of the first rest has to pass: a start waits for a rest without a break, and 95 % limits on six axes break it
+    // often.
     let is_first = |w: &&Window| (first.0..first.0 + first.1).contains(&w.from);
     let largest = |w: &Window| {
         let ratios = (0..3).map(|i| (w.force[i].1 / accel_std[i]).max(w.rate[i].1 / gyro_std[i]));
@@ -248,7 +250,7 @@ fn rest(windows: &[Window], resting: &[bool], steps: [Vec3; 2]) -> Option<Rest> 
     };
     let needed = at_rest().filter(is_first).map(largest).fold(0.0, f64::max);
     let times = tight.max((needed * 100.0 * SLIDING).ceil() / 100.0).min(TIMES[0]);
-    // The Allan deviation of neighbouring means is the density, over a second.
+    // The Allan deviation of neighbouring means over a second is the density.
     let density = |of: &dyn Fn(&Window) -> Vec3| {
         let pairs = windows.windows(2).zip(resting.windows(2)).filter(|(_, r)| r[0] && r[1]);
         let squares: Vec<f64> = pairs

@@ -1,4 +1,4 @@
-//! A file with what was found in it.
+//! A file with the quantities found in it.
 
 use super::beside::Unit;
 use super::clock::{Clock, Form};
@@ -9,38 +9,39 @@ use super::track::{Odometer, Track};
 use super::words::Words;
 use fusion::source::table::Table;
 
-/// A file with what was found in it.
+/// A file with the quantities found in it.
 #[derive(Clone, Debug)]
 pub struct Log {
     /// The rows.
     pub table: Table,
-    /// The stamps; `None` where no column looks like time.
+    /// The stamps; `None` if no column looks like time.
     pub clock: Option<Clock>,
-    /// The instruments that the file holds, where there are several; the rows are those of the first one.
+    /// The instruments in the file, if there are several; the rows are those of the first one.
     pub instances: Option<Instances>,
     /// The quantities.
     pub signals: Vec<Signal>,
-    /// The inertial units beside the one that is used, in columns of their own.
+    /// The inertial units in other columns of the file, in addition to the unit that is used.
     pub others: Vec<Unit>,
 }
 
-/// Several instruments of one kind that write to one file in turn, each row with the number of its own.
+/// Several instruments of one kind that write to one file in turn; each row has the number of its instrument.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Instances {
     /// The column with the numbers.
     pub column: usize,
-    /// The numbers, in order. The log holds the rows of the first one alone.
+    /// The numbers, in order. The log holds only the rows of the first one.
     pub numbers: Vec<f64>,
 }
 
 impl Instances {
-    /// Those of a table in which time often stands still: from instrument to instrument, while it rises for each of them.
+    /// Finds the instruments of a table in which time often does not increase from row to row, but does so for each
+    /// instrument.
     fn of(table: &Table, clock: &Clock) -> Option<Self> {
-        /// Time stands still in more rows than this share.
+        /// Time does not increase in more rows than this share.
         const OFTEN: f64 = 0.1;
-        /// What holds in all but so many rows holds.
+        /// A condition may fail in this share of the rows.
         const FEW: f64 = 0.01;
-        /// More instruments of one kind nobody mounts.
+        /// No vehicle has more instruments of one kind.
         const MOST: usize = 8;
         let t = &clock.stamps;
         let still: Vec<usize> = (1..t.len()).filter(|k| t[*k] <= t[*k - 1]).collect();
@@ -114,7 +115,8 @@ impl Log {
         log
     }
 
-    /// Tells the unit of a velocity, or of the receiver's own speed, that no name tells by the positions beside it.
+    /// Finds the unit of a velocity, or of the receiver's own speed, from the positions in the same file, if no name
+    /// gives it.
     fn settle_velocity(&mut self) {
         let is_own = |s: &Signal| matches!(s.kind, Kind::Velocity | Kind::GroundSpeed);
         let Some(k) = self.signals.iter().position(is_own) else { return };
@@ -135,7 +137,7 @@ impl Log {
         self.table.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
-    /// What is said of several instruments in the file.
+    /// A note about several instruments in the file.
     pub(super) fn several(&self) -> Option<String> {
         let Instances { column, numbers } = self.instances.as_ref()?;
         let (all, first) = (numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(", "), numbers[0]);
@@ -147,7 +149,7 @@ impl Log {
         ))
     }
 
-    /// What is said of several recordings in the file.
+    /// A note about several recordings in the file.
     pub(super) fn recordings(&self) -> Option<String> {
         let Form::Recordings { second, each } = self.clock.as_ref()?.form else {
             return None;
@@ -161,7 +163,7 @@ impl Log {
         ))
     }
 
-    /// Whether its name says that another filter made it, such as `NKF1` or `ATT` of an autopilot.
+    /// Whether its name says that another filter wrote it, such as `NKF1` or `ATT` of an autopilot.
     #[must_use]
     pub fn is_estimate(&self) -> bool {
         const WHOLE: [&str; 3] = ["pos", "att", "ahr"];
@@ -175,7 +177,7 @@ impl Log {
         WHOLE.contains(&of_file) || words.any(|word| WORDS.contains(&word))
     }
 
-    /// Whether a receiver wrote these positions: by the name of the file, or by what only a receiver reports.
+    /// Whether a receiver wrote these positions: by the name of the file, or by columns that only a receiver reports.
     pub(super) fn is_of_receiver(&self) -> bool {
         const FILES: [&str; 4] = ["gps", "gnss", "receiver", "nmea"];
         const COLUMNS: [&str; 9] = ["status", "nsats", "nsat", "satellites", "numsv", "sats", "hdop", "pdop", "fixtype"];
@@ -192,13 +194,13 @@ impl Log {
         self.signals.iter().find(|s| s.kind == kind)
     }
 
-    /// Whether it has one.
+    /// Whether it has a signal of this kind.
     #[must_use]
     pub fn has(&self, kind: Kind) -> bool {
         self.signal(kind).is_some()
     }
 
-    /// Whether its velocity over ground has no vertical.
+    /// Whether its velocity over ground has no vertical part.
     pub(super) fn has_flat_velocity(&self) -> bool {
         self.signal(Kind::Velocity).is_some_and(|s| s.columns.len() < 3)
     }
@@ -214,12 +216,12 @@ impl Log {
         self.clock.as_ref().map_or(f64::NAN, |c| c.rate)
     }
 
-    /// How long it is \[s\].
+    /// Its duration \[s\].
     pub(super) fn duration(&self) -> f64 {
         self.clock.as_ref().map_or(0.0, |c| c.span().1 - c.span().0)
     }
 
-    /// The values of a kind in SI, increments as rates.
+    /// The values of a kind in SI units, increments as rates.
     pub(super) fn values(&self, kind: Kind) -> Option<Vec<Vec3>> {
         let signal = self.signal(kind)?;
         let mut values = signal.values(&self.table);
@@ -255,9 +257,9 @@ impl Log {
         }
     }
 
-    /// Whether rows that repeat these quantities are copies of a measurement. Several numbers do not stay the same to the last
-    /// digit; a single one does at rest or at a steady speed, and is measured all the same, unless its new values usually last
-    /// for more than a row.
+    /// Whether rows that repeat these quantities are copies of a measurement. Several measured numbers do not stay the
+    /// same to the last digit. A single number does so at rest or at a steady speed. It counts as measured, unless its
+    /// new values usually last for more than a row.
     pub(super) fn repeats_are_copies(&self, signals: &[&Signal]) -> bool {
         let column = |k: usize| &self.table.columns[k].values;
         let moves = |k: &usize| column(*k).windows(2).any(|w| w[0] < w[1]);
@@ -268,22 +270,22 @@ impl Log {
         median(column(only).chunk_by(|a, b| a == b).map(|run| run.len() as f64)) > 1.0
     }
 
-    /// The share of rows in which a column of a signal is no number.
+    /// The share of rows in which a signal has a column without a number.
     pub(super) fn missing(&self, signal: &Signal) -> f64 {
         let rows = self.table.rows();
         let lost = (0..rows).filter(|row| !signal.raw(&self.table, *row).iter().all(|v| v.is_finite()));
         lost.count() as f64 / rows.max(1) as f64
     }
 
-    /// The share of rows in which all but one column of a position are exactly zero: what some loggers
-    /// write where they have none.
+    /// The share of rows in which the first two columns of a position are exactly zero: some loggers write zeros for a
+    /// missing position.
     pub(super) fn zeros(&self, signal: &Signal) -> f64 {
         let rows = self.table.rows();
         let is_zero = |row: &usize| signal.raw(&self.table, *row)[..2].iter().all(|v| *v == 0.0);
         (0..rows).filter(is_zero).count() as f64 / rows.max(1) as f64
     }
 
-    /// Why a column is not read by a design; `None` of a quantity where there is no design.
+    /// Why a design does not read a column; `None` for a quantity without a design.
     pub(super) fn why_unused(&self, column: usize, is_designed: bool) -> Option<String> {
         let signal = self.signals.iter().find(|s| s.columns.iter().any(|c| c.0 == column));
         if self.instances.as_ref().is_some_and(|i| i.column == column) {

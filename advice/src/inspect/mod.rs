@@ -1,13 +1,13 @@
-//! Logs of which nobody has said anything: what their columns probably are, how regular they are, how an
-//! inertial unit sits in its vehicle, and a first design made of that.
+//! Logs without a description: the probable meaning of their columns, their regularity, and the mounting of an
+//! inertial unit in its vehicle. From this, a first design is written.
 //!
 //! ```text
 //! files ── source/table ──▶ Log: clock, signals ──▶ Inspection: who is IMU, position, reference ──▶ page
 //!                                                        imu, track, pair                      └─▶ design
 //! ```
 //!
-//! Everything here is a guess, and is shown with its reason. Nothing of it is used by a run: the design that is
-//! written is a text that its owner corrects.
+//! Everything here is a guess and is shown with its reason. A run uses none of it: the written design is a text that
+//! its owner corrects.
 //!
 //! Memory   all of the files, eight bytes for each cell
 
@@ -54,39 +54,39 @@ use fusion::source::table::Table;
 use signal::Kind::{AngularRate, Euler, Geodetic, Heading, Local, MagneticField, Quaternion, SpecificForce, Velocity};
 use std::path::{Path, PathBuf};
 
-/// Nobody runs faster for long \[m/s\].
+/// No person runs faster for long \[m/s\].
 const RUNNING: f64 = 10.0;
-/// Receivers at rest report less \[m/s\].
+/// The largest speed that receivers report at rest \[m/s\].
 const SLOW: f64 = 0.2;
 
-/// Logs, and what they are to a filter.
+/// Logs and their roles for a filter.
 #[derive(Clone, Debug)]
 pub struct Inspection {
     /// The files.
     pub logs: Vec<Log>,
-    /// The inertial unit: which file, and what it says.
+    /// The inertial unit: its file and its properties.
     pub imu: Option<(usize, Imu)>,
     /// The positions that a filter would use.
     pub position: Option<(usize, Track)>,
-    /// The log with the velocities of these positions, where they have a file of their own.
+    /// The log with the velocities of these positions, if they are in a separate file.
     pub velocity: Option<usize>,
     /// The positions that look like a ground truth.
     pub reference: Option<(usize, Track)>,
-    /// Unit and positions side by side.
+    /// The comparison of unit and positions.
     pub pair: Option<Pair>,
-    /// The recorded heading of the log that an attitude or a heading would be read from, against the course.
+    /// The recorded heading against the course, from the log that gives an attitude or a heading.
     pub yaw: Option<Yaw>,
-    /// The magnetometer: which file, and what it reads of the Earth's field, or why it is not used.
+    /// The magnetometer: its file, and its reading of the Earth's field or the reason why it is not used.
     pub field: Option<(usize, Result<Field, String>)>,
-    /// What moves past each speed and body velocity, as far as that is told.
+    /// The reference of each speed and body velocity, water or ground, as far as it is identifiable.
     pub water: Vec<(Kind, Water)>,
 }
 
-/// Files, and those of folders whose names end as logs do, in the order of their names; of a folder with nothing but one
-/// folder those of that.
+/// These files, and the log files in these folders, in the order of their names. If a folder contains only one folder,
+/// that folder is read.
 ///
 /// # Errors
-/// A folder holds none, or cannot be read.
+/// A folder has no log, or cannot be read.
 pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Diagnostics> {
     let mut all = Vec::new();
     for path in paths {
@@ -127,7 +127,7 @@ impl Inspection {
     /// Reads the files and looks at them.
     ///
     /// # Errors
-    /// Files that cannot be read, all of them.
+    /// All files that cannot be read.
     pub fn of(paths: &[PathBuf]) -> Result<Self, Diagnostics> {
         let (mut tables, mut d) = (Vec::new(), Diagnostics::new());
         for path in paths {
@@ -163,7 +163,7 @@ impl Inspection {
             (None, None) => None,
         };
         let mut imu = units(&logs).first().and_then(|k| Some((*k, Imu::of(&logs[*k], &stands)?)));
-        // What swings now and then and is faster than a runner is no foot.
+        // A unit that swings now and then, but is faster than a runner, is not on a foot.
         if let Some((_, imu)) = imu.as_mut().filter(|_| reported.is_some_and(|track| track.top_speed() > RUNNING)) {
             imu.stances = None;
         }
@@ -192,26 +192,26 @@ impl Inspection {
         looked
     }
 
-    /// The first log with a heading, if it is not that of other positions than those that are used.
+    /// The first log with a heading, unless it belongs to positions that are not used.
     fn heading_log(&self) -> Option<usize> {
         let is_used = |k: usize| self.position.as_ref().is_some_and(|(own, _)| *own == k);
         let has_positions = |k: usize| self.logs[k].has(Geodetic) || self.logs[k].has(Local);
         self.with(Heading).filter(|k| is_used(*k) || !has_positions(*k))
     }
 
-    /// The field of the Earth, and the log that has it.
+    /// The Earth's field and the log with it.
     fn earth_field(&self) -> Option<(usize, Field)> {
         let (k, field) = self.field.as_ref()?;
         Some((*k, *field.as_ref().ok()?))
     }
 
-    /// The current, north and east \[m/s\], if a speed of this kind is that through the water: as found, or unknown where only
-    /// the name says so.
+    /// The current, north and east \[m/s\], if a speed of this kind is a speed through the water: as found, or unknown
+    /// if only the name says so.
     fn current(&self, of: Kind) -> Option<[f64; 2]> {
         self.found_current(of).or_else(|| self.is_of_water(of).then_some([0.0; 2]))
     }
 
-    /// Whether the name of a column says that a speed of this kind is that through the water.
+    /// Whether the name of a column says that a speed of this kind is through the water.
     fn is_of_water(&self, of: Kind) -> bool {
         let Some(k) = self.with(of) else { return false };
         let names = self.logs[k].signal(of).map_or_else(Vec::new, |s| s.names(&self.logs[k].table));
@@ -219,7 +219,7 @@ impl Inspection {
         names.iter().any(says)
     }
 
-    /// The current, north and east \[m/s\], where the way shows that a speed of this kind is that through the water.
+    /// The current, north and east \[m/s\], if the track shows that a speed of this kind is through the water.
     fn found_current(&self, of: Kind) -> Option<[f64; 2]> {
         self.water.iter().find(|(kind, _)| *kind == of).and_then(|(_, water)| match water {
             Water::Through(current) => Some(*current),
@@ -227,12 +227,12 @@ impl Inspection {
         })
     }
 
-    /// Whether something shows that a speed of this kind is that over ground.
+    /// Whether the track shows that a speed of this kind is over ground.
     fn is_over_ground(&self, of: Kind) -> bool {
         self.water.iter().any(|(kind, water)| *kind == of && *water == Water::Ground)
     }
 
-    /// The first magnetometer, if it reads the field of the Earth.
+    /// The first magnetometer, if it reads the Earth's field.
     fn magnetometer(&self) -> Option<(usize, Result<Field, String>)> {
         let (unit, imu) = self.imu.as_ref()?;
         let bias = imu.rest.as_ref().map_or([0.0; 3], |rest| rest.bias);
@@ -250,7 +250,8 @@ impl Inspection {
         Yaw::of(self.logs[k].stamps(), &yaw, &self.position.as_ref()?.1)
     }
 
-    /// The first log with this kind that has time, but for the reference; that of an instrument before the estimate of a filter.
+    /// The first log with this kind and with time, except the reference. An instrument comes before the estimate of a
+    /// filter.
     fn with(&self, kind: Kind) -> Option<usize> {
         let is_reference = |k: usize| self.reference.as_ref().is_some_and(|(r, _)| *r == k);
         let mut all = (0..self.logs.len()).filter(|k| !is_reference(*k) && self.logs[*k].clock.is_some() && self.logs[*k].has(kind));
@@ -258,7 +259,7 @@ impl Inspection {
         all.find(|k| !self.logs[*k].is_estimate()).or(first)
     }
 
-    /// What keeps a filter from being made of these files, in sentences.
+    /// The reasons why no filter can be made from these files, in sentences.
     #[must_use]
     pub fn missing(&self) -> Vec<String> {
         let mut all = Vec::new();
@@ -320,9 +321,9 @@ impl Inspection {
     }
 }
 
-/// Brings clocks that count since 1970 to GPS time, where others are.
+/// Brings clocks that count since 1970 to GPS time, if other clocks are in GPS time.
 fn bring_to_gps(logs: &mut [Log]) {
-    /// Seconds since 1970 or 1980 are more in any log of this century.
+    /// Seconds since 1970 or 1980 are larger in any log of this century.
     const ABSOLUTE: f64 = 6e8;
     let of_gps = logs.iter().filter_map(|log| log.clock.as_ref()).filter(|c| c.origin == Origin::Gps);
     let spans = of_gps.map(Clock::span);
@@ -335,9 +336,9 @@ fn bring_to_gps(logs: &mut [Log]) {
     }
 }
 
-/// Moves the stamps of the unit whose turns agree with those of the positions only at another time.
+/// Shifts the stamps of the unit if its turns agree with those of the positions only at another time.
 fn bring_together(logs: &mut [Log], track: &Track) {
-    /// Below this the turns do not agree.
+    /// The turns do not agree below this correlation.
     const AGREES: f64 = 0.5;
     let Some(k) = units(logs).first().copied() else { return };
     let log = &logs[k];
@@ -355,8 +356,8 @@ fn bring_together(logs: &mut [Log], track: &Track) {
     }
 }
 
-/// The logs of inertial units, the one with the smallest rates first: two units on one vehicle turn alike, and
-/// the better one has the smaller biases.
+/// The logs of inertial units, the unit with the smallest rates first. Two units on one vehicle turn alike, and the
+/// better unit has the smaller biases.
 fn units(logs: &[Log]) -> Vec<usize> {
     let is_unit = |k: &usize| logs[*k].clock.is_some() && logs[*k].has(SpecificForce) && logs[*k].has(AngularRate);
     let mut all: Vec<(usize, f64)> = (0..logs.len())
@@ -370,17 +371,18 @@ fn units(logs: &[Log]) -> Vec<usize> {
     all.into_iter().map(|(k, _)| k).collect()
 }
 
-/// Whether a log has velocities and no positions.
+/// Returns true if a log has velocities and no positions.
 fn has_velocity_alone(log: &Log) -> bool {
     log.clock.is_some() && log.has(Velocity) && !(log.has(Geodetic) || log.has(Local)) && !log.is_estimate()
 }
 
 type Found = Option<(usize, Track)>;
 
-/// The positions to use, and those that look like a ground truth: of several, the ones that come with an
-/// attitude, or else the ones with the smallest 1σ of their own, or where none tells one with a tenth of the scatter. `apart` is a log with velocities alone.
+/// The positions to use, and those that look like a ground truth. A ground truth among several comes with an attitude,
+/// or else reports the smallest 1σ. If none reports a 1σ, it has a tenth of the scatter. `apart` is a log with
+/// velocities only.
 fn tracks(logs: &[Log], apart: Option<usize>) -> (Found, Found) {
-    // Beside what a receiver wrote, positions of another filter are neither measurements nor a truth.
+    // If a receiver wrote positions, those of another filter are neither measurements nor a truth.
     let is_received = logs.iter().any(|log| log.clock.is_some() && log.is_of_receiver());
     let is_left = |log: &Log| is_received && log.is_estimate();
     let has = |k: &usize| (logs[*k].has(Geodetic) || logs[*k].has(Local)) && !is_left(&logs[*k]);

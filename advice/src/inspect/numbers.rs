@@ -3,7 +3,7 @@
 /// A vector of three numbers.
 pub(super) type Vec3 = [f64; 3];
 
-/// The value below which a share of the finite samples lies; NaN where there is none.
+/// The value that a share of the finite samples stays below; NaN if there are no finite samples.
 pub(super) fn quantile(samples: impl IntoIterator<Item = f64>, share: f64) -> f64 {
     let mut sorted: Vec<f64> = samples.into_iter().filter(|v| v.is_finite()).collect();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -47,7 +47,7 @@ pub(super) fn norm(v: Vec3) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// The integral of a sampled vector from its first sample on, each sample held back to the one before.
+/// The integral of a sampled vector from its first sample on. Each sample is constant over the interval before it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Integral {
     t: Vec<f64>,
@@ -55,7 +55,7 @@ pub(super) struct Integral {
 }
 
 impl Integral {
-    /// Of these samples; times that do not increase and samples that are no numbers are left out.
+    /// Integrates these samples. It ignores times that do not increase and samples that are not numbers.
     pub(super) fn of(t: &[f64], v: &[Vec3]) -> Self {
         let mut all = Self::default();
         let mut sum = [0.0; 3];
@@ -64,7 +64,7 @@ impl Integral {
                 all.push(t, sum);
                 continue;
             };
-            // Longer than any interval of a sampled rate: nothing is known of the time between.
+            // Each sample covers the interval before it, however long that is.
             if !(t > before && v.iter().all(|v| v.is_finite())) {
                 continue;
             }
@@ -93,7 +93,7 @@ impl Integral {
         Some([0, 1, 2].map(|i| a[i] + share * (b[i] - a[i])))
     }
 
-    /// The mean from one time to another; `None` where the samples do not reach.
+    /// The mean from one time to another; `None` if the samples do not cover it.
     pub(super) fn mean(&self, from: f64, to: f64) -> Option<Vec3> {
         let (a, b) = (self.at(from)?, self.at(to)?);
         (to > from).then(|| [0, 1, 2].map(|i| (b[i] - a[i]) / (to - from)))
@@ -118,7 +118,7 @@ mod tests {
     #[test]
     fn a_mean_takes_parts_of_samples() {
         let integral = Integral::of(&[0.0, 1.0, 2.0], &[[9.0; 3], [1.0; 3], [3.0; 3]]);
-        // Half of the sample that ends at 1, a quarter of the one that ends at 2.
+        // Half of the sample at t = 1, and a quarter of the sample at t = 2.
         let mean = integral.mean(0.5, 1.25).unwrap();
         assert!((mean[0] - (0.5 + 0.75) / 0.75).abs() < 1e-15, "{mean:?}");
         assert_eq!(integral.mean(-1.0, 1.0), None);

@@ -1,4 +1,4 @@
-//! What was found, as tables.
+//! The results as tables.
 
 use super::imu::Rest;
 use super::log::Log;
@@ -9,7 +9,7 @@ use fusion_tables::{Cell, Column, Page, Section, Table, Unit};
 use std::path::Path;
 
 impl Inspection {
-    /// What was found, as tables.
+    /// The results as tables.
     #[must_use]
     pub fn page(&self) -> Page {
         let all = |add: fn(&mut Table, &Log), mut t: Table| {
@@ -74,7 +74,7 @@ impl Inspection {
         t
     }
 
-    /// Why a column is not read by a design; `None` of a quantity where there is no design.
+    /// Why a design does not read a column; `None` for a quantity without a design.
     fn why_unused(&self, k: usize, column: usize, is_designed: bool) -> Option<String> {
         let log = &self.logs[k];
         let is_field = || log.signal(MagneticField).is_some_and(|s| s.columns.iter().any(|c| c.0 == column));
@@ -182,7 +182,7 @@ impl Inspection {
         t
     }
 
-    /// What is said of positions that are two tracks.
+    /// A note about positions that are two tracks.
     fn two_tracks(&self) -> Option<String> {
         let (k, track) = self.position.as_ref()?;
         let apart = track.apart?;
@@ -267,7 +267,7 @@ impl Inspection {
     }
 }
 
-/// What the test of rest can go by.
+/// How well the rest test separates rest from motion.
 fn separation(r: &Rest) -> String {
     if r.passing.is_nan() {
         return "it never moves".to_owned();

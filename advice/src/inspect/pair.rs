@@ -1,49 +1,49 @@
-//! An inertial unit and a track of positions side by side: do they turn alike, which axis is ahead, how
-//! far are their clocks apart.
+//! An inertial unit compared with a track of positions: whether they turn alike, which axis points ahead, and the
+//! offset of their clocks.
 
 use super::numbers::{Integral, Vec3, line, norm};
 use super::track::Track;
 
-/// The largest offset that is tried \[s\], and the step.
+/// The largest offset that is tried, and the step \[s\].
 const REACH: f64 = 1.5;
 const STEP: f64 = 0.02;
-/// Courses count above this speed \[m/s\], or above half of the usual top speed where that is less.
+/// Courses count above this speed \[m/s\], or above half of the usual top speed if that is less.
 const MOVING: f64 = 2.0;
-/// With fewer intervals of motion nothing is said.
+/// Fewer intervals of motion are not enough.
 const ENOUGH: usize = 20;
 
 /// How unit and track agree.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
-    /// The rate about down over the rate of the course, at the best offset.
+    /// The rate about the down axis over the rate of the course, at the best offset.
     pub slope: f64,
-    /// Their correlation there.
+    /// Their correlation at this offset.
     pub correlation: f64,
-    /// How late the stamps of the velocity are against those of the unit \[s\].
+    /// The delay of the velocity stamps against the stamps of the unit \[s\].
     pub lag: f64,
-    /// The same of the first and of the last third of the log.
+    /// The delay in the first and in the last third of the log.
     pub lags: Option<(f64, f64)>,
-    /// The direction of motion in the sensor's horizontal plane, from the first horizontal axis to the
-    /// second \[rad\], and the correlation it is found with.
+    /// The direction of motion in the sensor's horizontal plane, as an angle from the first horizontal axis to the
+    /// second \[rad\], and its correlation.
     pub forward: Option<(f64, f64)>,
-    /// The correlation of the force, less gravity, with how the climb changes.
+    /// The correlation of the force, less gravity, with the change of the climb rate.
     pub climb: f64,
-    /// How late the velocity is by the length of the force, which the accelerations of the track tell whatever the attitude \[s\];
-    /// where every third of the log tells the same.
+    /// The delay of the velocity from the length of the force, which follows from the accelerations of the track for
+    /// any attitude \[s\]. `None` if the thirds of the log disagree.
     pub by_force: Option<f64>,
 }
 
 impl Pair {
-    /// The angle of [`Pair::forward`] and its correlation, if that decides it.
+    /// The angle of [`Pair::forward`] and its correlation, if the correlation is large enough.
     pub(super) fn ahead(&self) -> Option<(f64, f64)> {
-        /// Forces that have little to do with the accelerations of the track agree less.
+        /// Forces that hardly depend on the accelerations of the track agree less.
         const DECIDED: f64 = 0.6;
         self.forward.filter(|(_, correlation)| *correlation > DECIDED)
     }
 }
 
-/// The horizontal axes of a sensor whose axis `up` points up or, `is_down`, down: two unit vectors that with
-/// down make a right-handed system.
+/// The horizontal axes of a sensor whose axis `up` points up or, with `is_down`, down. They are two unit vectors that
+/// form a right-handed system with the down axis.
 pub(super) fn horizontal((up, is_down): (usize, bool)) -> (Vec3, Vec3) {
     let mut first = [0.0; 3];
     first[if up == 0 { 1 } else { 0 }] = 1.0;
@@ -66,14 +66,14 @@ struct Interval {
     to: f64,
     /// Rate of the course, clockwise \[rad/s\].
     turn: f64,
-    /// Change of the speed \[m/s²\].
+    /// Rate of change of the speed \[m/s²\].
     along: f64,
     /// Speed times rate of the course \[m/s²\].
     across: f64,
 }
 
 impl Pair {
-    /// Of samples and a track; `None` where the vehicle moves too little or too slowly.
+    /// From samples and a track; `None` if the vehicle moves too little or too slowly.
     pub(super) fn of(t: &[f64], force: &[Vec3], rate: &[Vec3], gravity: Vec3, up: (usize, bool), track: &Track) -> Option<Self> {
         let intervals = intervals(track);
         if intervals.len() < ENOUGH {
@@ -100,16 +100,17 @@ impl Pair {
     }
 }
 
-/// By how much the clock of a unit is behind that of a track whose turns do not agree with its own within [`REACH`]: two
-/// files that count from beginnings of their own. `None` where there is no one offset at which the turns agree.
+/// The delay of a unit's clock against the clock of a track, if their turns do not agree within [`REACH`]: two files
+/// with different time origins. `None` if there is not exactly one offset at which the turns agree.
 pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> Option<f64> {
-    /// Turns of a vehicle last seconds.
+    /// The coarse step \[s\]: turns of a vehicle last seconds.
     const COARSE: f64 = 0.25;
-    /// Chance does not correlate so over half of the intervals of a drive.
+    /// Chance does not reach this correlation over half of the intervals of a drive.
     const CERTAIN: f64 = 0.8;
-    /// A turn lasts no longer \[s\]; offsets further apart are others.
+    /// No turn lasts longer; offsets further apart are different ones \[s\].
     const TURN: f64 = 15.0;
-    /// Another offset that leaves no more than so many times as much unexplained may as well be it; so little is nothing.
+    /// Another offset is possible, too, if its unexplained part is at most `ALIKE` times as large. An unexplained part
+    /// below `NOTHING` counts as none.
     const ALIKE: f64 = 2.0;
     const NOTHING: f64 = 1e-3;
     let intervals = intervals(track);
@@ -129,7 +130,7 @@ pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> O
     let tried = tried.filter_map(|lag| Some((lag, at(lag).filter(|c| c.is_finite())?)));
     let tried: Vec<(f64, f64)> = tried.collect();
     let (lag, correlation) = *tried.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    // A way that repeats itself, round a block or up and down, agrees nearly as well a leg later.
+    // A path that repeats itself, round a block or up and down, agrees nearly as well a leg later.
     let left = |c: f64| 1.0 - c * c;
     let is_other = |(other, c): &(f64, f64)| (other - lag).abs() > TURN && left(*c) < ALIKE * left(correlation) + NOTHING;
     (correlation > CERTAIN && !tried.iter().any(is_other)).then_some(lag)
@@ -137,7 +138,7 @@ pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> O
 
 fn intervals(track: &Track) -> Vec<Interval> {
     let slowest = MOVING.min(0.5 * track.top_speed());
-    // A second at least: shorter ones differ by the noise of the velocity.
+    // At least a second: shorter intervals differ by the noise of the velocity.
     let stride = (track.rate().round() as usize).max(1);
     let mut all = Vec::new();
     for k in stride..track.t.len() {
@@ -159,7 +160,7 @@ fn intervals(track: &Track) -> Vec<Interval> {
     all
 }
 
-/// The correlation of the length of the force with how the velocity up changes, over a second each.
+/// The correlation of the length of the force with the change of the vertical velocity, over a second each.
 fn climb(track: &Track, forces: &Integral, gravity: f64) -> f64 {
     let stride = (track.rate().round() as usize).max(1);
     let pairs = (stride..track.t.len()).filter_map(|k| {
@@ -171,13 +172,13 @@ fn climb(track: &Track, forces: &Integral, gravity: f64) -> f64 {
     line(&pairs.collect::<Vec<_>>()).1
 }
 
-/// The offset at which the length of the force agrees best with that of the accelerations of the track, gravity included.
+/// The offset at which the length of the force best matches that of the track accelerations plus gravity.
 fn by_force(t: &[f64], force: &[Vec3], gravity: f64, track: &Track) -> Option<f64> {
-    /// Accelerations change from one such time to the next [s].
+    /// The shortest time over which accelerations change [s].
     const LEAST: f64 = 0.4;
-    /// A force that has other reasons, such as vibration, agrees less.
+    /// A force with other causes, such as vibration, agrees less.
     const CERTAIN: f64 = 0.9;
-    /// Thirds of the log that tell the same differ by no more [s].
+    /// Thirds of the log agree if they differ by at most this [s].
     const ALIKE: f64 = 2.5 * STEP;
     if !track.is_reported {
         return None;
@@ -234,7 +235,7 @@ fn best(intervals: &[Interval], rates: &Integral, down: Vec3) -> Option<(f64, f6
     tried.filter(|t| t.2.is_finite()).max_by(|a, b| a.2.abs().total_cmp(&b.2.abs()))
 }
 
-/// The angle at which the horizontal force is the acceleration of the track.
+/// The angle at which the horizontal force matches the acceleration of the track.
 fn forward(intervals: &[Interval], forces: &Integral, gravity: Vec3, up: (usize, bool), lag: f64) -> Option<(f64, f64)> {
     let (first, second) = horizontal(up);
     let pairs: Vec<_> = intervals
@@ -263,8 +264,9 @@ fn forward(intervals: &[Interval], forces: &Integral, gravity: Vec3, up: (usize,
 mod tests {
     use super::*;
 
-    /// A vehicle on a winding way, and what a unit on it measures whose clock is `lag` ahead of the track's,
-    /// its x axis `ahead` of the first horizontal axis for z up, its rates by `sign`.
+    /// A vehicle on a winding path, and the measurements of a unit on it. The clock of the unit is `lag` ahead of the
+    /// track's. Its x axis is at the angle `ahead` from the first horizontal axis for z up, and its rates are
+    /// multiplied by `sign`.
     fn winding(lag: f64, ahead: f64, sign: f64) -> (Vec<f64>, Vec<Vec3>, Vec<Vec3>, Track) {
         let turn = |t: f64| 0.3 * (0.2 * t).sin() + 0.1 * (0.53 * t).sin();
         let course = |t: f64| 1.5 * (1.0 - (0.2 * t).cos()) + 0.1 / 0.53 * (1.0 - (0.53 * t).cos());
@@ -272,7 +274,7 @@ mod tests {
         let t: Vec<f64> = (0..30_000).map(|k| 0.01 * f64::from(k)).collect();
         let force = t.iter().map(|&t| {
             let (along, across) = (0.33 * (0.11 * t).cos(), speed(t) * turn(t));
-            // With z up, x first and y second towards the right of it is minus the sensor's y.
+            // With z up, x is the first axis, and the second axis, to the right of it, is minus the sensor's y.
             let (x, right) = (
                 along * ahead.cos() - across * ahead.sin(),
                 along * ahead.sin() + across * ahead.cos(),
@@ -360,7 +362,7 @@ mod tests {
     #[test]
     fn a_nose_that_does_not_follow_the_way_leaves_the_length_of_the_force() {
         let (t, force, _, mut track) = winding(0.3, 0.0, 1.0);
-        // Fixes four times a second, and a force as long as before, along an axis that points anywhere.
+        // Fixes four times a second, and a force with the same length as before, along an axis of any direction.
         let stamps: Vec<f64> = (8..1180).map(|k| 0.25 * f64::from(k)).collect();
         let speed = |t: f64| 8.0 + 3.0 * (0.11 * t).sin();
         let course = |t: f64| 1.5 * (1.0 - (0.2 * t).cos()) + 0.1 / 0.53 * (1.0 - (0.53 * t).cos());
@@ -371,7 +373,8 @@ mod tests {
         let turned: Vec<Vec3> = force.iter().map(|f| [0.0, norm(*f), 0.0]).collect();
         // A step of 20 ms, and half of a sample.
         assert!((lag(&turned, &track).unwrap() - 0.3).abs() < 0.026, "{:?}", lag(&turned, &track));
-        // Shaken by much more than it is accelerated, and clocks that drift apart by 0.3 s from the first third to the last.
+        // The vibration is much larger than the acceleration, and the clocks drift apart by 0.3 s from the first third
+        // to the last.
         let shaken: Vec<Vec3> = turned
             .iter()
             .zip(&t)
@@ -392,7 +395,7 @@ mod tests {
     fn the_axis_ahead_is_found() {
         for ahead in [0.0, 1.5, 3.0, -1.6] {
             let (angle, correlation) = pair(0.1, ahead, 1.0).forward.unwrap();
-            // Means over a second of a winding way: within a degree.
+            // Means over a second of a winding path: within a degree.
             assert!((angle - ahead).abs() < 0.02 && correlation > 0.99, "{ahead} {angle} {correlation}");
         }
     }

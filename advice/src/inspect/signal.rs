@@ -1,4 +1,4 @@
-//! Which columns of a table are which quantity.
+//! Finds the quantity in each column of a table.
 
 use super::numbers::{Vec3, median, norm, quantile};
 use super::turn;
@@ -8,13 +8,13 @@ use fusion::source::table::{Column, Table};
 /// A quantity that a filter can use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// What accelerometers measure.
+    /// The measurement of accelerometers.
     SpecificForce,
-    /// What gyros measure.
+    /// The measurement of gyros.
     AngularRate,
     /// The magnetic field in sensor axes.
     MagneticField,
-    /// Latitude, longitude and, where there is one, height.
+    /// Latitude, longitude and, if there is one, height.
     Geodetic,
     /// Metres north, east and down of a place.
     Local,
@@ -28,17 +28,17 @@ pub enum Kind {
     Euler,
     /// Speed forward.
     Speed,
-    /// Speed over ground of a receiver that does not tell the course.
+    /// Speed over ground from a receiver that does not report the course.
     GroundSpeed,
-    /// Heading alone, without roll and pitch.
+    /// Heading only, without roll and pitch.
     Heading,
-    /// Rate of turn.
+    /// Turn rate.
     YawRate,
-    /// Below the surface.
+    /// Depth below the surface.
     Depth,
     /// Speeds of the left and the right wheels or tracks.
     Wheels,
-    /// Of the air or the water.
+    /// Pressure of the air or of the water.
     Pressure,
     /// 1σ of the position, as reported.
     PositionSigma,
@@ -47,7 +47,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// In words.
+    /// The name in words.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -74,7 +74,7 @@ impl Kind {
 }
 
 impl Kind {
-    /// Why a design does not read one.
+    /// Why a design does not read this kind.
     pub(super) const fn why_unused(self) -> &'static str {
         match self {
             Self::SpecificForce | Self::AngularRate => "another unit or an odometer drives the filter",
@@ -94,25 +94,25 @@ impl Kind {
 /// A quantity in a table.
 #[derive(Clone, Debug)]
 pub struct Signal {
-    /// Which.
+    /// Its kind.
     pub kind: Kind,
-    /// Its columns in the sequence of the kind, and whether they count against it.
+    /// Its columns in the order of the kind, and whether each has the opposite sign.
     pub columns: Vec<(usize, bool)>,
-    /// The unit as designs write it; empty where none is known.
+    /// The unit as designs write it; empty if it is unknown.
     pub unit: String,
     /// SI per unit of the columns.
     pub factor: f64,
-    /// Increments over the interval between rows.
+    /// Whether the columns are increments over the interval between rows.
     pub increment: bool,
-    /// Of a velocity as speed and course, which are the first two columns: the unit of the course.
+    /// The unit of the course, for a velocity as speed and course, which are the first two columns.
     pub course: Option<&'static str>,
-    /// The names say which axis is ahead: the columns are those forward, right, down.
+    /// Whether the names give the forward axis: the columns are forward, right, down.
     pub is_body: bool,
-    /// Why it is believed.
+    /// The reason for this guess.
     pub why: String,
 }
 
-/// What is said of a unit that is a guess: the usual one.
+/// The reason if the unit is a guess: the usual unit.
 pub(super) const UNNAMED: &str = "no unit is named";
 
 impl Signal {
@@ -153,14 +153,14 @@ impl Signal {
                 };
             };
             let (sin, cos) = (raw[1] * factor(unit)).sin_cos();
-            // The course of what stands is often empty.
+            // The course of a vehicle at rest is often empty.
             let (north, east) = if raw[0] == 0.0 { (0.0, 0.0) } else { (raw[0] * cos, raw[0] * sin) };
             [north, east, raw[2]].map(|v| v * self.factor)
         };
         (0..table.rows()).map(of).collect()
     }
 
-    /// Takes a unit for one that no name tells.
+    /// Sets a unit if no name gives one.
     pub(super) fn take_unit(&mut self, unit: &str, why: &str) {
         if !self.why.ends_with(UNNAMED) {
             return;
@@ -199,7 +199,7 @@ pub(super) fn factor(unit: &str) -> f64 {
     }
 }
 
-/// Words of a quantity that was computed from others, by somebody else's filter.
+/// Words of a quantity that another filter computed from others.
 const DERIVED: [&str; 7] = ["est", "state", "cmd", "odom", "estimate", "kf", "ekf"];
 
 /// Whether the name of a column says that another filter made it.
@@ -210,7 +210,7 @@ pub(super) fn is_derived(column: &str) -> bool {
 /// The words for an axis, and whether they mean its opposite.
 type Axis = &'static [(&'static str, bool)];
 
-/// Down, as most words for axes end with it.
+/// The down axis, because most words for axes end with it.
 const DOWN: Axis = &[("down", false), ("up", true)];
 /// The axes of a body.
 const BODY: [Axis; 3] = [
@@ -241,7 +241,7 @@ struct Finder<'a> {
 /// Words of a variance.
 const VARIANCE: [&str; 3] = ["var", "variance", "cov"];
 
-/// The quantity whose 1σ or variance a name, or its words before an axis, stands for.
+/// The quantity whose 1σ or variance a name, or the words before its axis, means.
 fn sigma_of(stem: &str) -> Option<Kind> {
     const SIGMA: [&str; 6] = ["sigma", "std", "sd", "stddev", "accuracy", "uncertainty"];
     const VELOCITY: [&str; 4] = ["v", "vel", "velocity", "speed"];
@@ -258,7 +258,7 @@ fn sigma_of(stem: &str) -> Option<Kind> {
     of.into_iter().find(|(words, _)| words.contains(&other)).map(|(_, kind)| kind)
 }
 
-/// The 1σ that columns of these names report, known by the names alone.
+/// The 1σ that columns with these names report, from the names alone.
 pub(crate) fn reported_by_name(names: &[String]) -> Vec<Reported> {
     let columns = names.iter().map(|name| Column {
         name: name.clone(),
@@ -290,11 +290,11 @@ pub(crate) fn reported_by_name(names: &[String]) -> Vec<Reported> {
 /// Columns that report a 1σ.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Reported {
-    /// Of what.
+    /// The quantity.
     pub(crate) kind: Kind,
     /// Along north, east and down.
     pub(crate) columns: Vec<String>,
-    /// Their unit, that of a variance where they are variances.
+    /// Their unit; for variances, the unit of the variance.
     pub(crate) unit: String,
 }
 
@@ -312,7 +312,7 @@ pub(super) fn of_unit(unit: &str) -> String {
     format!(", unit = \"{unit}\"{variance}")
 }
 
-/// The quantities of a table whose rows come at `rate`.
+/// The quantities of a table with this row rate.
 pub(super) fn signals(table: &Table, rate: f64) -> Vec<Signal> {
     let mut finder = Finder::of(table);
     if table.header {
@@ -328,12 +328,12 @@ pub(super) fn signals(table: &Table, rate: f64) -> Vec<Signal> {
     found.iter_mut().for_each(|s| settle(s, table, rate));
     settle_by_turns(&mut found, table, rate);
     found.retain(|s| !is_without_gravity(table, s));
-    // What is no place on Earth has another unit, such as 1e-7 deg, and a design of it would have no origin.
+    // Positions that are not on Earth have another unit, such as 1e-7 deg, and a design with them would have no origin.
     found.retain(|s| !(s.kind == Kind::Geodetic && s.unit == "deg" && is_beyond(s, table)));
     found
 }
 
-/// Nothing but one value in every column: not recorded.
+/// Every column has only one value: the quantity was not recorded.
 fn is_constant(table: &Table, signal: &Signal) -> bool {
     signal.columns.iter().all(|(k, _)| {
         let values = &table.columns[*k].values;
@@ -341,7 +341,7 @@ fn is_constant(table: &Table, signal: &Signal) -> bool {
     })
 }
 
-/// Accelerations from which gravity was taken, or differences of a velocity: not what accelerometers measure.
+/// Accelerations without gravity, or differences of a velocity: not the measurement of accelerometers.
 fn is_without_gravity(table: &Table, signal: &Signal) -> bool {
     let is_whole = signal
         .columns
@@ -376,8 +376,8 @@ impl<'a> Finder<'a> {
         });
     }
 
-    /// The columns along three axes, the first of which is this one, and the words before the axis. Each counts against
-    /// its axis where its own word says the opposite; the third may be missing.
+    /// The columns along three axes, starting with this one, and the words before the axis. A column has the opposite
+    /// sign if its word names the opposite direction. The third column may be missing.
     fn along(&self, first: usize, axes: &[Axis; 3]) -> Option<(String, Vec<(usize, bool)>)> {
         let words = &self.words[first];
         let (word, is_against) = axes[0].iter().find(|(word, _)| words.before(word).is_some())?;
@@ -386,7 +386,7 @@ impl<'a> Finder<'a> {
         Some((words.before(word)?.to_owned(), columns.into_iter().flatten().collect()))
     }
 
-    /// The column whose stem is `prefix` and an axis, joined as in the first one.
+    /// The column with the same prefix and another axis, joined in the same way.
     fn sibling(&self, first: usize, from: &str, to: &str) -> Option<usize> {
         let stem = self.words[first].stem.strip_suffix(from)?;
         let wanted = format!("{stem}{to}");
@@ -430,7 +430,7 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// A vector in axes of a body, or of a room; `columns` are those along its axes.
+    /// A vector in axes of a body, or of a room; `columns` are along these axes.
     fn axes_xyz(&mut self, prefix: &str, unit: Option<&str>, columns: &[(usize, bool)]) {
         let (plain, x) = (columns.to_vec(), columns[0].0);
         if let Some(w) = self
@@ -442,7 +442,7 @@ impl<'a> Finder<'a> {
         }
         const QUATERNION: [&str; 5] = ["q", "quat", "quaternion", "orientation", "attitude"];
         const FIELD: [&str; 4] = ["m", "mag", "magnetometer", "magnetic"];
-        // A G may be a gauss.
+        // G may mean gauss.
         let gauss = match unit {
             Some("g") if is_called(prefix, &FIELD) => Some("gauss"),
             Some("mg") if is_called(prefix, &FIELD) => Some("mgauss"),
@@ -491,12 +491,12 @@ impl<'a> Finder<'a> {
     /// A vector north, east, down.
     fn axes_ned(&mut self, prefix: &str, unit: Option<&str>, columns: Vec<(usize, bool)>) {
         let is_velocity = prefix == "v" || is_called(prefix, &["vel", "velocity"]);
-        // A velocity may have no vertical.
+        // A velocity may have no vertical part.
         if columns.len() < 3 && !(is_velocity && matches!(unit, None | Some("m/s" | "cm/s" | "km/h" | "kn"))) {
             return;
         }
         if let Some(kind) = sigma_of(prefix) {
-            // A 1σ has no direction: up is as good as down.
+            // A 1σ has no direction: up and down are the same.
             return self.add_sigma(kind, columns.into_iter().map(|(k, _)| k).collect());
         }
         match (prefix, unit) {
@@ -508,14 +508,14 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// The 1σ of all axes in one column, of which the name states the unit: nothing else tells millimetres from metres.
+    /// The 1σ of all axes in one column. Its name has to give the unit: without it, millimetres and metres look alike.
     fn sigmas(&mut self) {
         for k in 0..self.words.len() {
             let Words { stem, unit } = &self.words[k];
             let kind = if ["sacc", "s_acc"].contains(&stem.as_str()) {
                 Some(Kind::VelocitySigma)
             } else {
-                // One word alone may be anything.
+                // A single word may mean anything.
                 sigma_of(stem).filter(|_| stem.contains('_'))
             };
             let expected = match kind {
@@ -546,7 +546,8 @@ impl<'a> Finder<'a> {
         self.words.iter().position(|w| w.ends_with(names) && !contains(&w.stem, &DERIVED))
     }
 
-    /// Speed and course of a receiver, with a vertical speed where there is one; a speed in the rows of its positions is its own.
+    /// Speed and course of a receiver, with a vertical speed if there is one. A speed in the rows of its positions
+    /// belongs to the receiver.
     fn over_ground(&mut self) {
         const COURSE: [&str; 9] = [
             "cog",
@@ -612,9 +613,9 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// Whether a column stands in the rows of positions and changes with them: what a receiver reports besides.
+    /// Whether a column is in the rows of positions and changes with them: an additional output of the receiver.
     fn is_of_fixes(&self, column: usize) -> bool {
-        /// Of the rows in which it changes so many have another position.
+        /// This share of the rows in which it changes also has a new position.
         const WITH: f64 = 0.8;
         let (Some(lat), Some(lon)) = (self.one(&["lat", "latitude"]), self.one(&["lon", "lng", "long", "longitude"])) else {
             return false;
@@ -633,7 +634,8 @@ impl<'a> Finder<'a> {
         all > 0.0 && with > WITH * all
     }
 
-    /// A height whose name also says above what; of two the one above the ellipsoid, as latitudes and longitudes are of it.
+    /// A height whose name may also give its datum. Of two, the height above the ellipsoid, as for latitudes and
+    /// longitudes.
     fn height(&self) -> Option<usize> {
         let is_in_metres = |k: &usize| matches!(self.words[*k].unit, None | Some("m"));
         let all = (0..self.words.len()).filter(|k| is_in_metres(k) && is_height(&self.words[*k].stem));
@@ -674,7 +676,7 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// x and y beside a depth: metres east and north.
+    /// x and y next to a depth: metres east and north.
     fn local_with_depth(&mut self) {
         let Some(depth) = self.found.iter().find(|s| s.kind == Kind::Depth).map(|s| s.columns[0].0) else {
             return;
@@ -689,8 +691,9 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// Where no name tells the inertial unit: three neighbouring columns whose length is one g most of the time are the
-    /// accelerometers; three neighbouring ones beside them whose mean is small against their range, the gyros.
+    /// Finds an inertial unit if no name gives it. Three neighbouring columns whose length is one g most of the time
+    /// are the accelerometers. Three neighbouring columns next to them, with a small mean against their range, are the
+    /// gyros.
     fn unnamed(&mut self) {
         let is_known = |s: &Signal| matches!(s.kind, Kind::SpecificForce | Kind::AngularRate);
         if self.found.iter().any(is_known) {
@@ -710,7 +713,7 @@ impl<'a> Finder<'a> {
         let is_around_zero = |k: usize| quantile(values(k), 0.02) < 0.0 && quantile(values(k), 0.98) > 0.0;
         let beside = |a: usize| [a.checked_sub(3), Some(a + 3)].into_iter().flatten();
         let gyro = |a: usize| beside(a).filter(|k| starts.contains(k)).find(|k| (*k..k + 3).all(is_around_zero));
-        // Where columns have names, numbers that are close to one may be anything: the gyros have to be beside them.
+        // If columns have names, numbers near one may be anything: the gyros have to be next to them.
         let unit = starts.iter().filter(|k| is_gravity(k)).map(|a| (*a, gyro(*a)));
         let Some((a, gyro)) = unit.into_iter().find(|(_, gyro)| gyro.is_some() || !self.table.header) else {
             return;
@@ -724,7 +727,7 @@ impl<'a> Finder<'a> {
     }
 }
 
-/// Finds unit and factor of a signal, by the name or by the values.
+/// Finds the unit and factor of a signal, from its name or its values.
 fn settle(signal: &mut Signal, table: &Table, rate: f64) {
     if let Some((unit, why)) = unit_by_values(signal, table, rate) {
         signal.why = format!("{}; {unit}: {why}", signal.why);
@@ -736,10 +739,10 @@ fn settle(signal: &mut Signal, table: &Table, rate: f64) {
     };
 }
 
-/// Tells the unit of gyros that no name tells by how the magnetic field turns, or gravity, where they do: hands turn a
-/// unit faster than 10 rad/s, and vehicles slower than 10 deg/s.
+/// Finds the unit of gyros without a named unit, from the turns of the magnetic field or of gravity. Hands turn a unit
+/// faster than 10 rad/s, and vehicles turn slower than 10 deg/s, so the size alone does not show it.
 fn settle_by_turns(found: &mut [Signal], table: &Table, rate: f64) {
-    /// Hands turn a unit by less meanwhile than a small angle [s].
+    /// In this time, hands turn a unit by only a small angle [s].
     const STEP: f64 = 0.1;
     // Accelerations do not turn the field.
     let directions = [(Kind::MagneticField, "the field"), (Kind::SpecificForce, "gravity")].map(|(kind, name)| {
@@ -754,7 +757,7 @@ fn settle_by_turns(found: &mut [Signal], table: &Table, rate: f64) {
     let mut slopes = told.filter_map(|(direction, name)| Some((turn::slope(direction, &raw, rate, STEP)?, *name)));
     let Some((slope, what)) = slopes.next() else { return };
     let (radians, degrees) = (1.0, 1_f64.to_radians());
-    // On a logarithmic scale half-way between the two.
+    // The threshold is half-way between the two on a logarithmic scale.
     let unit = if slope > (radians * degrees).sqrt() { "rad/s" } else { "deg/s" };
     if (slope / factor(unit)).ln().abs() < 2_f64.ln() {
         gyros.unit = unit.to_owned();
@@ -764,10 +767,10 @@ fn settle_by_turns(found: &mut [Signal], table: &Table, rate: f64) {
     }
 }
 
-/// Faster than sound: no vehicle here \[m/s\].
+/// No vehicle here is faster than sound \[m/s\].
 const FASTEST: f64 = 340.0;
 
-/// The speed by positions whose angles are in rad, where they change: 95 % are below \[m/s\].
+/// The median speed by positions with angles in rad, corrected for the rows that do not change \[m/s\].
 fn usual_speed(s: &Signal, table: &Table, rate: f64) -> f64 {
     const RADIUS: f64 = 6.371e6;
     let place = |row: usize| s.raw(table, row);
@@ -777,12 +780,14 @@ fn usual_speed(s: &Signal, table: &Table, rate: f64) -> f64 {
         let step = (b[0] - a[0]).hypot((b[1] - a[1]) * a[0].cos());
         (step > 0.0 && is_fix(&a) && is_fix(&b)).then_some(step)
     });
-    // Fixes that stand for several rows move once in several intervals: the share of rows that change corrects for it.
+    // A fix that is repeated in several rows moves once in several intervals. The share of rows that change corrects
+    // for it.
     let changes = (1..table.rows()).filter(|row| place(*row)[..2] != place(*row - 1)[..2]).count() as f64;
     RADIUS * quantile(steps, 0.5) * rate * changes / table.rows().max(1) as f64
 }
 
-/// Whether angles are degrees and minutes in one number, as NMEA writes them: beyond any degrees, all minutes below 60.
+/// Returns true if angles are degrees and minutes in one number, as NMEA writes them: larger than any degrees, with
+/// minutes below 60.
 fn is_ddmm(s: &Signal, table: &Table) -> bool {
     let angles = || {
         (0..table.rows())
@@ -794,7 +799,7 @@ fn is_ddmm(s: &Signal, table: &Table) -> bool {
         && angles().all(|v| v[0].abs() <= 9000.0 && v[1].abs() <= 18_000.0 && v[..2].iter().all(|x| x.abs() % 100.0 < 60.0))
 }
 
-/// Whether angles that would be degrees are beyond 90 or 360 in more than a hundredth of the rows.
+/// Returns true if angles in degrees would be beyond 90 or 360 in more than a hundredth of the rows.
 fn is_beyond(s: &Signal, table: &Table) -> bool {
     let reach = |axis: usize| quantile((0..table.rows()).map(|row| s.raw(table, row)[axis].abs()), 0.99);
     reach(0) > 90.0 || reach(1) > 360.0
@@ -806,12 +811,12 @@ fn of_ddmm(x: f64) -> f64 {
     (degrees + (x - 100.0 * degrees) / 60.0).to_radians()
 }
 
-/// The length of a vector that a share of the rows stays below, in the unit of its columns.
+/// The length of a vector that this share of the rows stays below, in the unit of its columns.
 fn length(signal: &Signal, table: &Table, share: f64) -> f64 {
     quantile((0..table.rows()).map(|row| norm(signal.raw(table, row))), share)
 }
 
-/// The unit that the values look like, and why; `None` where the name says it.
+/// The unit that the values suggest, and the reason; `None` if the name gives it.
 fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str, String)> {
     let reach = |axis: usize| quantile((0..table.rows()).map(|row| s.raw(table, row)[axis].abs()), 0.99);
     if s.kind == Kind::SpecificForce && s.increment {
@@ -836,12 +841,12 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
             p if p > 10.0 => ("deg/s", format!("99 % are within {p:.1}: more than 10 rad/s is rare")),
             p => ("rad/s", format!("99 % are within {p:.2}")),
         },
-        // The field of the Earth is 22 to 67 uT; iron adds to it.
+        // The Earth's field is 22 to 67 uT; iron adds to it.
         Kind::MagneticField => match length(s, table, 0.5) {
             m if (15.0..120.0).contains(&m) => ("uT", format!("median length {m:.1}")),
             m if (15e-6..120e-6).contains(&m) => ("T", format!("median length {m:.2e}")),
             m if (15e3..120e3).contains(&m) => ("nT", format!("median length {m:.0}")),
-            // Less than one: a field that is given as a direction has the length one.
+            // Less than one: a field that is given as a direction has length one.
             m if (0.15..0.8).contains(&m) => ("gauss", format!("median length {m:.3}")),
             m if (150.0..800.0).contains(&m) => ("mgauss", format!("median length {m:.0}")),
             _ => return None,
@@ -854,7 +859,7 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
         Kind::Euler => ("rad", format!("headings reach {:.2}", reach(2))),
         Kind::Heading if reach(0) > core::f64::consts::TAU => ("deg", format!("headings reach {:.1}", reach(0))),
         Kind::Heading => ("rad", format!("headings reach {:.2}", reach(0))),
-        // Nobody lives where the air has less than a third of the pressure at sea level.
+        // No place with people has less than a third of the sea-level pressure.
         Kind::Pressure => match length(s, table, 0.5) {
             m if (3e4..1.2e5).contains(&m) => ("Pa", format!("median {m:.0}")),
             m if (300.0..1200.0).contains(&m) => ("hPa", format!("median {m:.1}")),

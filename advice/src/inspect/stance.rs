@@ -1,58 +1,61 @@
-//! A foot by its inertial unit: it stands for a moment, swings, and stands again.
+//! Finds a foot by its inertial unit: it is at rest for a moment, swings, and is at rest again.
 
 use super::numbers::{Vec3, median, moments, norm, quantile};
 
-/// A foot that stands turns slower [rad/s], and its force is that of gravity to so much [m/s²].
+/// A standing foot turns slower than `SLOW` [rad/s], and its force differs from gravity by less than `STILL` [m/s²].
 const SLOW: f64 = 0.6;
 const STILL: f64 = 1.0;
-/// A swing turns it faster [rad/s].
+/// A swing turns the foot faster than this [rad/s].
 const SWING: f64 = 2.5;
-/// From one stance to the next of a walk or a run [s].
+/// The time from one stance to the next when walking or running [s].
 const STRIDE: core::ops::Range<f64> = 0.5..2.5;
-/// Fewer strides are no walk.
+/// Fewer strides do not make a walk.
 const ENOUGH: usize = 10;
-/// 1σ of the bias of the gyros with which a design of a foot begins [rad/s].
+/// Initial 1σ of the gyro bias in a design of a foot [rad/s].
 const BIAS: f64 = 0.0087;
-/// Of all pauses between two swings so many are stances of a walk.
+/// At least this share of all pauses between two swings are stances of a walk.
 const REGULAR: f64 = 0.6;
 
 /// Regular stances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stances {
-    /// How many.
+    /// The number of stances.
     pub count: usize,
-    /// Median time from one to the next \[s\].
+    /// Median time from one stance to the next \[s\].
     pub period: f64,
-    /// Median time that one lasts \[s\].
+    /// Median length of a stance \[s\].
     pub duration: f64,
-    /// Twice the median standard deviation of the specific force in the middle of one, the largest of the axes \[m/s²\].
+    /// Twice the median standard deviation of the specific force in the middle of a stance, the largest of the axes
+    /// \[m/s²\].
     pub accel_std: f64,
-    /// The same of the angular rate \[rad/s\].
+    /// The same for the angular rate \[rad/s\].
     pub gyro_std: f64,
-    /// 95 % of the mean rates there differ from the bias by less, the largest of the axes \[rad/s\]: noise, and how the foot rolls.
+    /// The limit that 95 % of the mean rates there stay below, less the bias, the largest of the axes \[rad/s\]. It
+    /// contains noise and the rolling of the foot.
     pub rolling: f64,
-    /// What the mean rate of a stance stays below for a filter that does not know the bias yet, or not well: the bias, and three
-    /// times `rolling` together with the 1σ of the bias \[rad/s\].
+    /// The limit of the mean rate of a stance for a filter with an unknown or poorly known bias \[rad/s\]. It is the
+    /// bias plus three times the root sum square of `rolling` and the 1σ of the bias.
     pub mean_rate: f64,
 }
 
 impl Stances {
-    /// The middle of a stance that is looked at \[s\].
+    /// The length of the evaluated middle of a stance \[s\].
     pub(super) const WINDOW: f64 = 0.15;
 
-    /// Whether its mean rates are the bias of the gyros. Those of a foot that rolls are not, and they do not average out: it rolls
-    /// the same way in every stride.
+    /// Returns true if its mean rates are the gyro bias. Those of a rolling foot are not. They do not average out,
+    /// because the foot rolls the same way in every stride.
     pub(super) fn tell_bias(&self) -> bool {
         // 95 % of biases are within twice their 1σ.
         self.rolling < 2.0 * BIAS
     }
 
-    /// Of samples of a unit and the bias of its gyros, if a rest tells it; `None` where they are not those of a foot that walks.
+    /// From the samples of a unit and the gyro bias, if a rest gives it; `None` if the samples are not from a walking
+    /// foot.
     pub(super) fn of(t: &[f64], force: &[Vec3], rate: &[Vec3], gravity: f64, known: Option<Vec3>) -> Option<Self> {
         let bias = known.unwrap_or_default();
         let turning = |k: usize| norm([0, 1, 2].map(|i| rate[k][i] - bias[i]));
         let stands = |k: usize| turning(k) < SLOW && (norm(force[k]) - gravity).abs() < STILL;
-        // Runs of standing samples, and whether a swing lies before each.
+        // Runs of standing samples, and whether there is a swing before each.
         let (mut runs, mut begin, mut has_swung): (Vec<(usize, usize, bool)>, _, _) = (Vec::new(), None::<usize>, false);
         for k in 0..t.len() {
             if stands(k) {
@@ -83,7 +86,7 @@ impl Stances {
             .iter()
             .map(|(a, b)| [0, 1, 2].map(|i| moments(rate[*a..*b].iter().map(|w| w[i])).0))
             .collect();
-        // Without a rest the bias is what the stances have in common.
+        // Without a rest, the bias is the median over the stances.
         let bias = known.unwrap_or_else(|| [0, 1, 2].map(|i| median(means.iter().map(|m| m[i]))));
         let off = |i: usize| quantile(means.iter().map(|m| (m[i] - bias[i]).abs()), 0.95);
         let rolling = [0, 1, 2].map(off).into_iter().fold(0.0, f64::max);
@@ -95,7 +98,7 @@ impl Stances {
             accel_std: typical(force),
             gyro_std: typical(rate),
             rolling,
-            // What turns faster than that was not taken for a stance here either.
+            // Faster turns were not accepted as a stance here either.
             mean_rate: largest + (3.0 * rolling.hypot(BIAS)).min(SLOW),
         })
     }
@@ -139,7 +142,8 @@ mod tests {
     #[test]
     fn stances_tell_the_bias_unless_the_foot_rolls() {
         let (t, force, rate) = foot(0.5);
-        // 2 deg/s of bias and a scatter of 0.01 rad/s · sin from sample to sample, of which a mean of 0.15 s has little.
+        // 2 deg/s of bias, and a scatter of 0.01 rad/s · sin from sample to sample, most of which a mean over 0.15 s
+        // removes.
         let biased: Vec<Vec3> = rate.iter().map(|w| [w[0] + 0.035, w[1], w[2]]).collect();
         for known in [None, Some([0.035, 0.0, 0.0])] {
             let s = Stances::of(&t, &force, &biased, 9.81, known).unwrap();
@@ -147,7 +151,7 @@ mod tests {
             assert!(s.tell_bias() && s.rolling < 0.005, "{s:?}");
             assert!((0.061..0.066).contains(&s.mean_rate), "{s:?}");
         }
-        // 6 deg/s forwards in every stance: a rest before the walk tells that this is no bias.
+        // 6 deg/s forwards in every stance: a rest before the walk shows that this is not a bias.
         let rolling: Vec<Vec3> = rate.iter().map(|w| [w[0], w[1] + 0.1, w[2]]).collect();
         let s = Stances::of(&t, &force, &rolling, 9.81, Some([0.0; 3])).unwrap();
         assert!(!s.tell_bias() && (0.09..0.13).contains(&s.rolling), "{s:?}");

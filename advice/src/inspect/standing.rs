@@ -1,43 +1,44 @@
-//! A test of rest that nothing passes which is known to move.
+//! A rest test that no known motion passes.
 //!
-//! Tests     as the stage `stationarity` makes them: ten a second, of the second before, several in a row
-//! Limits    of the factors on what windows at rest stay below the one that knows most of the rest, where so many tests in a row
-//!           are asked for as twice the longest run of tests passed in motion
-//! Mind      a car that creeps over smooth ground is shaken no more than one with an idling engine: no limit alone tells the two
-//!           apart, but it does not stay so quiet for long
+//! Tests     as in the stage `stationarity`: ten a second, each over the second before, several in a row
+//! Limits    multiples of the limits of windows at rest, with the factor that finds most of the rest. The required
+//!           number of tests in a row is twice the longest run of passed tests in motion
+//! Mind      a car that creeps over smooth ground is shaken no more than a car with an idling engine. Limits alone do
+//!           not separate the two, but the creeping car does not stay so quiet for long
 
 use super::numbers::{Vec3, moments};
 
-/// Length of a test, from one to the next, and how far around it the reported speed counts: it may be late [s].
+/// Length of a test, time between tests, and time around it in which the reported speed counts, because it may be late
+/// [s].
 const WINDOW: f64 = 1.0;
 const STEP: f64 = 0.1;
 const AROUND: f64 = 1.0;
 /// Factors of the limits that are tried.
 const TIMES: [f64; 4] = [2.0, 1.5, 1.25, 1.0];
-/// So many tests in a row are asked for: half a second at least, and not more than a short stop lasts.
+/// The required number of tests in a row: at least half a second, and not more than a short stop lasts.
 const FEWEST: usize = 5;
 const MOST: usize = 50;
-/// What is passed in motion was seen in one log; so many times as long a run is not expected.
+/// The longest run in motion was seen in one log; a run that is longer by this factor is not expected.
 const MARGIN: usize = 2;
-/// A test that knows less of the rest is of no use.
+/// A test that finds a smaller share of the rest is useless.
 const USEFUL: f64 = 0.2;
 
-/// A test of rest, and what it does in the log.
+/// A rest test and its results in the log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Standing {
-    /// Limits are so many times the deviations at rest.
+    /// Limits are this factor times the deviations at rest.
     pub times: f64,
-    /// So many tests in a row have to pass.
+    /// The number of tests in a row that have to pass.
     pub persist: usize,
     /// The longest run of tests passed in motion, and when it ends \[s\].
     pub longest: (usize, f64),
-    /// The share of the tests at rest that hold.
+    /// The share of the tests at rest that holds.
     pub share: f64,
 }
 
 impl Standing {
-    /// Of samples of a unit, what windows at rest stay below, and whether the vehicle stands at a time; the best test, and whether
-    /// it is of use. `None` where nobody tells of motion.
+    /// From samples of a unit, the limits of windows at rest, and whether the vehicle stands at a time. Returns the
+    /// best test; `None` if no other source reports rest and motion.
     pub(super) fn of(t: &[f64], samples: [&[Vec3]; 2], limits: [Vec3; 2], stands: &dyn Fn(f64) -> Option<bool>) -> Option<Self> {
         let tests = all(t, samples, limits, stands);
         let count = |stands: bool| tests.iter().filter(|test| test.stands == Some(stands)).count();
@@ -62,14 +63,14 @@ impl Standing {
                 share,
             }
         });
-        // Of equal ones the first: its limits are the widest.
+        // Of equal tests take the first: its limits are the widest.
         let best = tried
             .into_iter()
             .reduce(|best, other| if other.share > best.share { other } else { best });
         best.filter(|_| resting > 0 && moving > 0)
     }
 
-    /// Whether it tells rest from motion.
+    /// Whether it separates rest from motion.
     pub(super) fn is_useful(&self) -> bool {
         self.persist <= MOST && self.share > USEFUL
     }
@@ -77,16 +78,16 @@ impl Standing {
 
 struct Test {
     t: f64,
-    /// The largest deviation over what windows at rest stay below.
+    /// The largest deviation over the limit of windows at rest.
     unrest: f64,
-    /// Whether somebody reports that it stands, or moves, all around the test.
+    /// Whether another source reports that it stands, or moves, all around the test.
     stands: Option<bool>,
 }
 
 fn all(t: &[f64], samples: [&[Vec3]; 2], limits: [Vec3; 2], stands: &dyn Fn(f64) -> Option<bool>) -> Vec<Test> {
     let (mut tests, mut begin, mut next) = (Vec::new(), 0, f64::NEG_INFINITY);
     for end in 0..t.len() {
-        // A clock that went back begins anew.
+        // A clock that went back restarts the tests.
         if end > 0 && t[end] < t[end - 1] {
             (begin, next) = (end, f64::NEG_INFINITY);
         }
@@ -110,7 +111,7 @@ fn all(t: &[f64], samples: [&[Vec3]; 2], limits: [Vec3; 2], stands: &dyn Fn(f64)
     tests
 }
 
-/// How many tests in a row have passed, at each.
+/// The number of consecutive passed tests, at each test.
 fn runs(tests: &[Test], times: f64) -> Vec<usize> {
     let count = |run: &mut usize, test: &Test| {
         *run = if test.unrest <= times { *run + 1 } else { 0 };
@@ -123,7 +124,7 @@ fn runs(tests: &[Test], times: f64) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// Two minutes at 50 Hz: a minute of rest, then motion that is as quiet as rest for `quiet` seconds of every ten.
+    /// Two minutes at 50 Hz: a minute of rest, then motion that is as quiet as rest for `quiet` seconds out of ten.
     fn creeping(quiet: f64) -> Option<Standing> {
         let t: Vec<f64> = (0..6000).map(|k| 0.02 * f64::from(k)).collect();
         let wave = |t: f64| if t < 60.0 || t.rem_euclid(10.0) < quiet { 0.01 } else { 0.5 } * (37.0 * t).sin();
@@ -136,7 +137,7 @@ mod tests {
     fn motion_that_is_quiet_for_a_moment_asks_for_more_tests_in_a_row() {
         let never = creeping(0.0).unwrap();
         assert!(never.longest.0 <= 1 && never.persist == FEWEST && never.share > 0.98, "{never:?}");
-        // Quiet for 2 s: a window of one second is quiet for one, eleven tests in a row.
+        // Quiet for 2 s: a window of one second stays quiet for one second, which is eleven tests in a row.
         let short = creeping(2.0).unwrap();
         assert!(
             (9..=11).contains(&short.longest.0) && short.persist == 2 * short.longest.0,

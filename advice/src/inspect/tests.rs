@@ -1,4 +1,4 @@
-//! What is found in tables whose content is known.
+//! Results for tables with known content.
 
 use super::signal::Kind;
 use super::*;
@@ -33,7 +33,7 @@ fn noise(t: f64, seed: f64) -> f64 {
     2.0 * (x - x.floor()) - 1.0
 }
 
-/// A minute at 50 Hz: twenty seconds at rest, z down, then shaken; one g and a bias of 0.01 rad/s about y.
+/// A minute at 50 Hz: twenty seconds at rest, z down, then shaken; one g, and a bias of 0.01 rad/s about y.
 fn unit() -> Table {
     let shaken = |t: f64, size: f64, seed: f64| noise(t, seed) * if t < 20.0 { 0.01 } else { size };
     table(
@@ -84,10 +84,10 @@ fn rest_gravity_and_bias_of_a_unit_are_found() {
     assert_eq!(imu.up, (2, true));
     assert!(imu.tilt < 0.005 && (imu.gravity[2] + 9.81).abs() < 0.005, "{imu:?}");
     let rest = imu.rest.unwrap();
-    // Windows of a second: of 59 whole ones the first 19 or 20.
+    // Windows of a second: the first 19 or 20 of 59 whole ones.
     assert!((rest.share - 1.0 / 3.0).abs() < 0.02, "{rest:?}");
     assert!(rest.first.0 < 0.1 && (rest.first.1 - 20.0).abs() < 1.1, "{rest:?}");
-    // Evenly spread between ±0.01: 0.0058; 95 % of windows of 50 are within a fifth above.
+    // Uniform between ±0.01: 1σ is 0.0058; 95 % of windows of 50 samples are at most a fifth above.
     assert!(rest.accel_std.iter().all(|s| (0.0055..0.007).contains(s)), "{rest:?}");
     let degree = 1_f64.to_radians();
     assert!(
@@ -96,7 +96,7 @@ fn rest_gravity_and_bias_of_a_unit_are_found() {
     );
     // 0.573 deg/s; the mean of the noise over a second is within 0.002 deg/s.
     assert!((rest.bias[1] - 0.573 * degree).abs() < 0.003 * degree, "{rest:?}");
-    // σ √Δt, by 19 differences of three axes: within half.
+    // σ √Δt, from 19 differences of three axes: within half.
     let density = 0.0058 / 50_f64.sqrt();
     assert!((0.5..1.5).contains(&(rest.accel_noise / density)), "{rest:?}");
     assert!(rest.times == 2.0 && rest.passing == 0.0, "{rest:?}");
@@ -104,7 +104,7 @@ fn rest_gravity_and_bias_of_a_unit_are_found() {
 
 #[test]
 fn slow_motion_is_no_rest() {
-    // Ten minutes, shaken by 0.01 to 1 m/s² from second to second, as a car that creeps: every strength is there.
+    // Ten minutes, shaken by 0.01 to 1 m/s² from second to second, as a creeping car: windows of every strength.
     let strength = |t: f64| 10_f64.powf(-1.0 + noise(t.floor(), 9.0));
     let mut creeping = unit();
     creeping.columns = table(
@@ -135,7 +135,7 @@ fn rest_is_where_the_reported_speed_says_so() {
     );
 }
 
-/// Five minutes at 1 Hz northwards at 3 m/s, climbing at 0.5 m/s; the reported vertical velocity by `sign`.
+/// Five minutes at 1 Hz northwards at 3 m/s, climbing at 0.5 m/s; the reported vertical velocity has the factor `sign`.
 fn fixes(sign: f64) -> Table {
     table(
         &[
@@ -158,9 +158,9 @@ fn fixes(sign: f64) -> Table {
 #[test]
 fn way_scatter_and_reported_velocity_of_fixes_are_found() {
     let track = Track::of(&Log::of(fixes(-1.0)), None).unwrap();
-    // 299 intervals of 3 m, the noise of both ends apart.
+    // 299 intervals of 3 m, except for the noise of both ends.
     assert!((track.way - 897.0).abs() < 1.0, "{}", track.way);
-    // One axis, evenly spread between ±0.2 m, as if it were one of two: 0.1 to 0.2 m.
+    // One axis, uniform between ±0.2 m, evaluated as one of two: 0.1 to 0.2 m.
     assert!((0.05..0.2).contains(&track.scatter), "{}", track.scatter);
     assert_eq!(track.claimed.map(|c| (c * 10.0).round()), Some(5.0));
     assert!((track.top_speed() - 3.0).abs() < 0.02 && (track.rate() - 1.0).abs() < 1e-9);
@@ -169,10 +169,10 @@ fn way_scatter_and_reported_velocity_of_fixes_are_found() {
         (agreement[0] - 1.0).abs() < 0.01 && (agreement[2] - 1.0).abs() < 0.01,
         "{agreement:?}"
     );
-    // Up where down is expected.
+    // Up instead of the expected down.
     let up = Track::of(&Log::of(fixes(1.0)), None).unwrap().agreement.unwrap();
     assert!((up[2] + 1.0).abs() < 0.01, "{up:?}");
-    // Without a reported velocity it is that of the positions.
+    // Without a reported velocity, it comes from the positions.
     let mut silent = fixes(-1.0);
     silent.columns.drain(4..7);
     let silent = Track::of(&Log::of(silent), None).unwrap();
@@ -218,7 +218,8 @@ fn a_pressure_becomes_a_barometer() {
     shaken.path = "imu.csv".into();
     let looked = Inspection::look(vec![Log::of(shaken), Log::of(fixes(-1.0)), Log::of(air)]);
     let design = looked.design(Path::new("/")).unwrap();
-    // The first ten seconds are 999.6 to 999.8 hPa, at 100 m: 1.01194 times as much at height zero of the standard atmosphere.
+    // The first ten seconds are 999.6 to 999.8 hPa, at 100 m. In the standard atmosphere, the pressure at height zero
+    // is 1.01194 times as high.
     assert!(
         design.contains("type = \"barometer\"") && design.contains("initial = \"1011."),
         "{design}"
@@ -249,7 +250,7 @@ fn a_heading_that_does_not_follow_the_course_is_not_decided() {
     );
 }
 
-/// The columns of the unit without their names, after which others are called.
+/// The columns of the unit, renamed from the second column on.
 fn named(names: [&str; 6]) -> Log {
     let mut of = unit();
     for (column, name) in of.columns[1..].iter_mut().zip(names) {
@@ -281,7 +282,7 @@ fn axes_of_a_body_are_found_by_their_words() {
         let log = named(names);
         let force = log.signal(Kind::SpecificForce).unwrap();
         let rate = log.signal(Kind::AngularRate).unwrap();
-        // Left counts against right.
+        // Left is the opposite of right.
         assert_eq!(force.columns, [(1, false), (2, true), (3, false)], "{names:?}");
         assert_eq!(rate.columns, [(4, false), (5, true), (6, false)], "{names:?}");
         assert!(force.is_body && rate.unit == "deg/s", "{names:?} {}", rate.unit);
@@ -294,7 +295,7 @@ fn where_no_name_tells_the_unit_its_values_do() {
     let force = log.signal(Kind::SpecificForce).unwrap();
     assert_eq!((force.columns[0].0, force.unit.as_str()), (1, "m/s^2"));
     assert_eq!(log.signal(Kind::AngularRate).unwrap().columns[0].0, 4);
-    // In thousandths of g.
+    // In units of 0.001 g.
     let mut mg = unit();
     for column in &mut mg.columns[1..4] {
         column.values.iter_mut().for_each(|v| *v *= 1000.0 / 9.80665);
@@ -325,7 +326,7 @@ fn places_along_north_and_east_and_headings_are_found_by_name() {
 #[test]
 fn a_standard_deviation_is_no_height() {
     let mut flat = fixes(-1.0);
-    // Ten fixes a second: a part of them judges.
+    // Ten fixes a second: some of them judge.
     flat.columns[0].values.iter_mut().for_each(|t| *t *= 0.1);
     flat.columns.truncate(3);
     flat.columns.extend(["dvl_std_m", "valid_fix"].map(|name| Column {
@@ -354,7 +355,7 @@ fn velocities_of_a_file_of_their_own_are_those_of_the_fixes() {
     places.columns.drain(4..7);
     velocities.path = "gnss_velocity.csv".into();
     shaken.path = "imu.csv".into();
-    // The receiver writes them 10 ms apart.
+    // The receiver writes positions and velocities 10 ms apart.
     velocities.columns[0].values.iter_mut().for_each(|t| *t += 0.01);
     let looked = Inspection::look(vec![Log::of(places), Log::of(velocities), Log::of(shaken)]);
     let (_, track) = looked.position.as_ref().unwrap();
@@ -408,7 +409,7 @@ fn fixes_that_jump_away_and_come_back_are_two_tracks() {
         )
     };
     let two = of(30.0).unwrap();
-    // 30 m along both axes; speeds and scatter are those without the jumps.
+    // 30 m along both axes; speeds and scatter exclude the jumps.
     assert!(two.apart.is_some_and(|apart| (apart - 42.4).abs() < 2.0), "{:?}", two.apart);
     assert!(two.top_speed() < 1.5 && two.scatter < 1.0, "{} {}", two.top_speed(), two.scatter);
     assert_eq!(of(0.0).unwrap().apart, None);
@@ -432,7 +433,7 @@ fn samples_of_a_recorded_simulation_are_means_and_others_are_taken_as_instants()
 #[test]
 fn a_filter_in_the_plane_is_judged_in_the_plane() {
     let mut fast = fixes(-1.0);
-    // Ten fixes a second: a part of them judges.
+    // Ten fixes a second: some of them judge.
     fast.columns[0].values.iter_mut().for_each(|t| *t *= 0.1);
     fast.columns.drain(4..7);
     let mut odometer = table(

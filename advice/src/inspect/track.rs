@@ -1,10 +1,10 @@
-//! Where a log says the vehicle is: metres north and east, velocity, scatter.
+//! The track of a log: metres north and east, velocity, scatter.
 
 use super::log::Log;
 use super::numbers::{Vec3, median, quantile};
 use super::signal::Kind;
 
-/// Mean radius of the Earth \[m\]: good enough to look at a track.
+/// Mean radius of the Earth \[m\]: accurate enough for a track.
 const RADIUS: f64 = 6.371e6;
 
 /// The 1σ that a receiver reports.
@@ -12,8 +12,8 @@ const RADIUS: f64 = 6.371e6;
 pub struct Claim {
     /// Its median along north, east, down.
     pub median: Vec3,
-    /// How many times as far values are off the line between their neighbours, in the horizontal. An error that neighbours share does
-    /// not show: the errors are that many times as large as reported, or larger.
+    /// The ratio of the horizontal scatter about the line between neighbours to the reported 1σ. Errors that neighbours
+    /// share are not visible. So the errors are at least this number of times as large as reported.
     pub times: f64,
 }
 
@@ -22,33 +22,34 @@ pub struct Claim {
 pub struct Track {
     /// Stamps \[s\], increasing.
     pub t: Vec<f64>,
-    /// Metres north, east, down of the first one.
+    /// Metres north, east, down from the first position.
     pub position: Vec<Vec3>,
     /// Velocity north, east, down, as reported or by differences \[m/s\].
     pub velocity: Vec<Vec3>,
     /// Whether the velocity is reported.
     pub is_reported: bool,
-    /// Latitude, longitude \[rad\], height \[m\] of the first one, where it is geodetic.
+    /// Latitude, longitude \[rad\], height \[m\] of the first position, if it is geodetic.
     pub origin: Option<Vec3>,
-    /// The length of the way \[m\], by steps of a second.
+    /// The length of the path \[m\], by steps of a second.
     pub way: f64,
-    /// By how much a fix is off the line between its neighbours, 1σ of one fix, horizontal \[m\].
+    /// The distance of a fix from the line between its neighbours, 1σ of one fix, horizontal \[m\].
     pub scatter: f64,
-    /// The same of a reported velocity \[m/s\].
+    /// The same for a reported velocity \[m/s\].
     pub velocity_scatter: f64,
-    /// How far the fixes jump away and come back \[m\], if they do so all the time: two tracks in one file.
+    /// The distance \[m\] by which the fixes jump away and come back, if they do so often: two tracks in one file.
     pub apart: Option<f64>,
-    /// Median of the 1σ that is reported, horizontal \[m\].
+    /// Median of the reported 1σ, horizontal \[m\].
     pub claimed: Option<f64>,
-    /// The 1σ that is reported of the position \[m\] and of the velocity \[m/s\], where every row has it.
+    /// The reported 1σ of the position \[m\] and of the velocity \[m/s\], if every row has it.
     pub claims: [Option<Claim>; 2],
-    /// Slope of the reported velocity over the differences of position, north, east, down; NaN down where it has no vertical.
+    /// Slope of the reported velocity over the differences of position, north, east, down; NaN down if it has no
+    /// vertical part.
     pub agreement: Option<Vec3>,
 }
 
 impl Track {
-    /// Of a log with positions; rows that repeat the one before, go back in time or hold no numbers are
-    /// left out. `other` is the log with its velocities, where they have a file of their own.
+    /// From a log with positions. Rows that repeat the row before, go back in time or hold no numbers are ignored.
+    /// `other` is the log with its velocities, if they are in a separate file.
     pub(super) fn of(log: &Log, other: Option<&Log>) -> Option<Self> {
         let kind = [Kind::Geodetic, Kind::Local].into_iter().find(|k| log.has(*k))?;
         let values = log.values(kind)?;
@@ -65,7 +66,7 @@ impl Track {
         let mut claims = [Vec::new(), Vec::new()];
         let is_geodetic = kind == Kind::Geodetic;
         let has_height = log.signal(kind)?.columns.len() > 2;
-        // The height is written in metres, whatever the unit of the angles.
+        // The height is in metres for any unit of the angles.
         let height = |row: usize| {
             if has_height {
                 log.signal(kind).map_or(0.0, |s| s.raw(&log.table, row)[2])
@@ -123,9 +124,10 @@ impl Track {
         (track.t.len() > 2).then_some(track)
     }
 
-    /// Velocity by positions at least a second apart.
+    /// Velocity from positions at least a second apart.
     fn differences(&self) -> Vec<Vec3> {
-        /// Between fixes that are further apart than this, or than so many usual intervals, the velocity changes [s].
+        /// The velocity changes between fixes that are further apart than `LONGEST` [s], or than `USUAL` usual
+        /// intervals.
         const LONGEST: f64 = 10.0;
         const USUAL: f64 = 3.5;
         let longest = LONGEST.max(USUAL / self.rate());
@@ -150,13 +152,13 @@ impl Track {
                 from = k;
             }
         }
-        // The median length of two equal normal components is 1.177 σ, a quarter is below 0.759 σ: accelerations that change
-        // add less to it.
+        // The median length of two equal normal components is 1.177 σ, and a quarter is below 0.759 σ: changing
+        // accelerations affect the quartile less.
         self.scatter = median(self.off(&self.position, |_| 1.0)) / 1.177;
         self.velocity_scatter = quantile(self.off(&self.velocity, |_| 1.0), 0.25) / 0.759;
     }
 
-    /// The 1σ that are reported of values, where each value has one.
+    /// The reported 1σ of values, if each value has one.
     fn claim(&self, values: &[Vec3], sigmas: &[Vec3]) -> Option<Claim> {
         let is_sound = |(value, sigma): (&Vec3, &Vec3)| value.iter().any(|v| !v.is_finite()) || sigma.iter().all(|s| *s >= 0.0);
         let median = [0, 1, 2].map(|axis| median(sigmas.iter().map(|s| s[axis])));
@@ -167,14 +169,15 @@ impl Track {
         })
     }
 
-    /// Finds two tracks in one: fixes that jump away and come back. What is measured is then that of the steps without a jump.
+    /// Finds two tracks in one: fixes that jump away and come back. Path and scatter then use only the steps without a
+    /// jump.
     fn part(&mut self) {
-        /// A jump is so many usual steps, and so long at least [m].
+        /// A jump is longer than `JUMP` usual steps, and than `LEAST` [m].
         const JUMP: f64 = 10.0;
         const LEAST: f64 = 1.0;
-        /// It comes back within so many fixes.
+        /// A fix comes back within this number of fixes.
         const BACK: usize = 20;
-        /// Of all fixes so many come back, and of the jumps.
+        /// At least the share `OFTEN` of all fixes comes back, and the share `MOST` of the jumps.
         const OFTEN: f64 = 0.05;
         const MOST: f64 = 0.75;
         let far = |a: usize, b: usize| (self.position[a][0] - self.position[b][0]).hypot(self.position[a][1] - self.position[b][1]);
@@ -199,10 +202,10 @@ impl Track {
         self.scatter = quantile(self.off(&self.position, |_| 1.0), 0.25) / 0.759;
     }
 
-    /// By how much values are off the line between their neighbours, horizontal, as long as one error, in units of `unit` of the
-    /// value.
+    /// The horizontal distance of values from the line between their neighbours, scaled to the 1σ of one value, in
+    /// units of `unit`.
     fn off(&self, values: &[Vec3], unit: impl Fn(usize) -> f64) -> Vec<f64> {
-        // Of a, b, c with equal intervals, b - (a + c)/2 has the variance 1.5 σ² of white errors.
+        // For a, b, c with equal intervals, b - (a + c)/2 has the variance 1.5 σ² for white errors.
         let middle = values.windows(3).zip(self.t.windows(3)).enumerate().filter_map(|(k, (p, t))| {
             let even = (t[2] - t[1]) / (t[1] - t[0]);
             let off = |i: usize| p[1][i] - 0.5 * (p[0][i] + p[2][i]);
@@ -213,8 +216,8 @@ impl Track {
         middle.collect()
     }
 
-    /// The speed at a time: of the row before it, if it is recent \[m/s\]. The vertical one counts where it is more than its noise,
-    /// as in a lift or a climb.
+    /// The speed at a time, from the row before it, if that is recent \[m/s\]. The vertical speed counts if it is
+    /// larger than its noise, as in a lift or a climb.
     pub(super) fn speed(&self, t: f64) -> Option<f64> {
         let k = self.t.partition_point(|s| *s <= t).checked_sub(1)?;
         let v = self.velocity[k];
@@ -230,11 +233,12 @@ impl Track {
     pub fn top_speed(&self) -> f64 {
         let fast = quantile(self.velocity.iter().map(|v| v[0].hypot(v[1])), 0.95);
         let mean = || self.way / (self.t[self.t.len() - 1] - self.t[0]);
-        // Fixes too far apart for differences: nothing but the mean is known.
+        // Fixes too far apart for differences: only the mean is known.
         if fast.is_nan() && self.t.len() > 1 { mean() } else { fast }
     }
 
-    /// How long a velocity lasts, by that between fixes and the next ones: the time in which it is like itself to 1/e \[s\].
+    /// The correlation time of the velocity, from fixes and the next ones: the time after which its correlation is 1/e
+    /// \[s\].
     pub(super) fn lasting(&self) -> Option<f64> {
         let usual = 1.0 / self.rate();
         let next = (1..self.t.len()).filter(|k| self.t[*k] - self.t[*k - 1] < 1.5 * usual);
@@ -258,13 +262,14 @@ impl Track {
     }
 }
 
-/// Whether the columns of a 1σ are those of all axes of a quantity.
+/// Returns true if the columns of a 1σ cover all axes of a quantity.
 fn covers(log: &Log, sigma: Kind, of: Kind) -> bool {
     let axes = |kind| log.signal(kind).map(|s| s.columns.len());
     axes(of).is_some() && axes(sigma) >= axes(of)
 }
 
-/// The values of a log at other stamps: those of the nearest rows, or none further away than half of the usual interval.
+/// The values of a log at other stamps, from the nearest rows. NaN if the nearest row is further away than half of the
+/// usual interval.
 fn nearest(log: &Log, kind: Kind, at: &[f64]) -> Option<Vec<Vec3>> {
     let (t, values) = (log.stamps(), log.values(kind)?);
     let reach = 0.5 / log.rate();
@@ -278,7 +283,7 @@ fn nearest(log: &Log, kind: Kind, at: &[f64]) -> Option<Vec<Vec3>> {
     t.is_sorted().then(|| at.iter().map(nearest).collect())
 }
 
-/// The speed of wheels, or of a log.
+/// The speed of wheels or of a log.
 #[derive(Debug)]
 pub(super) struct Odometer {
     t: Vec<f64>,
@@ -286,7 +291,7 @@ pub(super) struct Odometer {
 }
 
 impl Odometer {
-    /// Of a log with a speed, or with a velocity of the body, of which the horizontal length is taken.
+    /// From a log with a speed, or with a body velocity, whose horizontal length is used.
     pub(super) fn of(log: &Log, kind: Kind) -> Option<Self> {
         let speed = log.values(kind)?.iter().map(|v| v[0].hypot(v[1])).collect();
         let t = log.stamps().to_vec();
@@ -294,26 +299,26 @@ impl Odometer {
         is_sound.then(|| Self::new(t, speed))
     }
 
-    /// Of speeds \[m/s\] at stamps in order.
+    /// From speeds \[m/s\] at sorted stamps.
     pub(super) const fn new(t: Vec<f64>, speed: Vec<f64>) -> Self {
         Self { t, speed }
     }
 
-    /// The speed at a time, by the row before.
+    /// The speed at a time, from the row before.
     pub(super) fn at(&self, t: f64) -> Option<f64> {
         let k = self.t.partition_point(|s| *s <= t).checked_sub(1)?;
         Some(self.speed[k]).filter(|speed| t - self.t[k] < 2.0 && speed.is_finite())
     }
 
-    /// Whether it stands at a time, by the row before.
+    /// Whether it stands at a time, from the row before.
     pub(super) fn stands(&self, t: f64) -> Option<bool> {
-        /// Wheels at rest report a step of the encoder at most [m/s].
+        /// Wheels at rest report at most one step of the encoder [m/s].
         const STILL: f64 = 0.02;
         self.at(t).map(|speed| speed < STILL)
     }
 }
 
-/// Slopes of one velocity over the other, axis by axis, at speed.
+/// Slopes of one velocity over the other, axis by axis, while moving.
 fn agreement(by_position: &[Vec3], reported: &[Vec3]) -> Vec3 {
     [0, 1, 2].map(|i| {
         let pairs = by_position

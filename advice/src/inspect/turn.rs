@@ -1,18 +1,18 @@
-//! The unit of gyros whose name does not tell it, by a direction that is fixed in the world: in the axes of the unit that
-//! of the magnetic field, or of gravity, turns by the integral of the rates.
+//! Finds the unit of gyros without a named unit, from a direction that is fixed in the world. In the unit's axes, the
+//! direction of the magnetic field or of gravity turns by the integral of the rates.
 //!
-//! Steps of the direction u over a short time are regressed on −ω × u Δt: the slope is 1 for rad/s, and
-//! π/180 for deg/s.
+//! Steps of the direction u over a short time are regressed on −ω × u Δt: the slope is 1 for rad/s, and π/180 for
+//! deg/s.
 
 use super::numbers::{Vec3, norm};
 use super::pair::{cross, dot};
 
-/// Fewer steps, or a smaller correlation, say nothing.
+/// Fewer steps, or a smaller correlation, are not enough.
 const ENOUGH: usize = 100;
 const CLEAR: f64 = 0.5;
 
-/// The turn of a direction over that by `rate`, a number a second at `hertz` each, in steps of so many seconds; `None`
-/// where they have too little in common.
+/// The ratio of the turn of a direction to the turn by `rate`, both sampled at `hertz`, in steps of `step` seconds.
+/// `None` if the correlation is too small.
 pub(super) fn slope(direction: &[Vec3], rate: &[Vec3], hertz: f64, step: f64) -> Option<f64> {
     let rows = (step * hertz).round().max(1.0) as usize;
     let mean = |of: &[Vec3]| [0, 1, 2].map(|i| of.iter().map(|v| v[i]).sum::<f64>() / of.len() as f64);
@@ -28,7 +28,7 @@ pub(super) fn slope(direction: &[Vec3], rate: &[Vec3], hertz: f64, step: f64) ->
         let middle = [0, 1, 2].map(|i| 0.5 * (before[i] + after[i]));
         let turn = cross([0, 1, 2].map(|i| 0.5 * (w0[i] + w1[i])), middle).map(|x| -x * rows as f64 / hertz);
         let change = [0, 1, 2].map(|i| after[i] - before[i]);
-        // A larger step is no small angle, or an acceleration.
+        // A larger step is not a small angle, or is an acceleration.
         if norm(change) < 0.5 && norm(turn).is_finite() {
             count += 1;
             both += dot(turn, change);
@@ -43,7 +43,7 @@ pub(super) fn slope(direction: &[Vec3], rate: &[Vec3], hertz: f64, step: f64) ->
 mod tests {
     use super::*;
 
-    /// Two minutes of tilting about x and y at 100 Hz, up to 3 rad/s, and what gyros of `per` a radian say.
+    /// Two minutes of tilting about x and y at 100 Hz, up to 3 rad/s, and gyro readings with `per` units a radian.
     fn tilting(per: f64, sign: f64) -> (Vec<Vec3>, Vec<Vec3>) {
         let roll = |t: f64| 1.5 * (2.0 * t).sin();
         let of = |k: i32| {

@@ -1,8 +1,8 @@
-//! A speed through the water: how it differs from the speed over ground tells the current.
+//! A speed through the water: its difference from the speed over ground gives the current.
 //!
-//! With the velocity v over ground, a current c and a log that reads s = |v − c| / κ:
-//! |v|² = 2 v·c − |c|² + κ² s², which is linear in c, |c|² and κ². Of wheels c is zero. Noise and waves add their mean square
-//! to |c|², which is left free.
+//! For the velocity v over ground, a current c and a log that reads s = |v − c| / κ: |v|² = 2 v·c − |c|² + κ² s², which
+//! is linear in c, |c|² and κ². For wheels c is zero. Noise and waves add their mean square to |c|², which is estimated
+//! as a free parameter.
 //!
 //! Not here: leeway, and a current that changes
 
@@ -12,37 +12,38 @@ use super::signal::{Kind, factor};
 use super::track::{Odometer, Track};
 use nalgebra::{DMatrix, DVector};
 
-/// The speed is that of the water, if the current explains so much of what a scale alone leaves.
+/// The speed is through the water if the current explains at least this share of the part that a scale alone does not
+/// explain.
 const EXPLAINED: f64 = 0.75;
-/// A weaker current is none [m/s].
+/// A weaker current does not count [m/s].
 const CURRENT: f64 = 0.1;
-/// Rows are averaged over so long, which takes the waves out [s]; fewer means in motion say nothing.
+/// Rows are averaged over this time, which removes the waves [s]; fewer means in motion are not enough.
 const MEAN: f64 = 10.0;
 const ENOUGH: usize = 15;
 
-/// What a speed is measured against.
+/// The medium against which a speed is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Water {
-    /// The ground: no current explains what a scale leaves.
+    /// The ground: no current explains the part that a scale does not explain.
     Ground,
-    /// Water that runs north and east \[m/s\].
+    /// Water that flows north and east with this velocity \[m/s\].
     Through([f64; 2]),
 }
 
 impl Water {
-    /// Of a speed beside a track; `None` where the way goes in one direction, or is too short to tell.
+    /// From a speed and a track; `None` if the path has only one direction, or is too short.
     pub(super) fn of(speed: &Odometer, track: &Track) -> Option<Self> {
         let (current, is_turning) = current(speed, track)?;
         is_turning.then(|| current.map_or(Self::Ground, Self::Through))
     }
 }
 
-/// The current, north and east \[m/s\], if there is one, and whether the way goes in several directions.
+/// The current, north and east \[m/s\], if there is one, and whether the path has several directions.
 fn current(speed: &Odometer, track: &Track) -> Option<(Option<[f64; 2]>, bool)> {
-    /// Velocities in one direction have a sum that is as long as all of them.
+    /// The sum of velocities in one direction is as long as the sum of their lengths.
     const TURNING: f64 = 0.7;
     let slowest = 0.5 * track.top_speed();
-    // Of each row the velocity, the square of its length, and that of the speed.
+    // For each row the velocity, its squared length, and the squared speed.
     let rows = track.t.iter().zip(&track.velocity).filter_map(|(t, v)| {
         let s = speed.at(*t)?;
         let row = [v[0], v[1], v[0] * v[0] + v[1] * v[1], s * s];
@@ -77,8 +78,8 @@ fn current(speed: &Odometer, track: &Track) -> Option<(Option<[f64; 2]>, bool)> 
     Some((is_clear.then_some(c), sum.0.hypot(sum.1) < TURNING * sum.2))
 }
 
-/// Tells the unit of a speed that no name tells by that over ground, reported or between the positions.
-/// A current averages out over turns, and no scale of a log or of wheels is so far off.
+/// Finds the unit of a speed without a named unit from the speed over ground, reported or between the positions. A
+/// current averages out over turns, and no scale of a log or of wheels has such a large error.
 pub(super) fn settle_speed(log: &mut Log, track: &Track) {
     let Some((unit, ratio)) = Odometer::of(log, Kind::Speed).and_then(|speed| speed.unit(track)) else {
         return;
@@ -89,10 +90,10 @@ pub(super) fn settle_speed(log: &mut Log, track: &Track) {
 }
 
 impl Odometer {
-    /// The unit of speeds that were taken for m/s, and by how much more they say than the track; `None` where they do not move
-    /// together.
+    /// The unit of speeds that were assumed to be m/s, and their ratio to the track; `None` if they are not correlated.
     pub(super) fn unit(&self, track: &Track) -> Option<(&'static str, f64)> {
-        /// So near to a unit is an instrument of this unit; feet are near to km/h, and have to be nearer.
+        /// A ratio within this factor of a unit means an instrument with this unit; feet are near to km/h and need a
+        /// closer ratio.
         const NEAR: [(&str, f64); 4] = [("ft/s", 1.03), ("m/s", 1.15), ("kn", 1.15), ("km/h", 1.15)];
         let slowest = 0.5 * track.top_speed();
         let ratios = track.t.iter().zip(&track.velocity).filter_map(|(t, v)| {
@@ -111,7 +112,7 @@ impl Odometer {
 mod tests {
     use super::*;
 
-    /// Ten minutes round in circles at 2 m/s through water that runs by `c`, and a log that reads 3 % too little.
+    /// Ten minutes in circles at 2 m/s through water that flows with `c`, and a log that reads 3 % too little.
     fn circling(c: [f64; 2]) -> (Odometer, Track) {
         let t: Vec<f64> = (0..600).map(f64::from).collect();
         let noise = |k: f64| 0.05 * (12.9898 * k).sin();
@@ -144,7 +145,7 @@ mod tests {
         assert!((c[0] - 0.4).abs() < 0.02 && (c[1] + 0.3).abs() < 0.02, "{c:?}");
         let (speed, track) = circling([0.0, 0.0]);
         assert_eq!(Water::of(&speed, &track), Some(Water::Ground));
-        // One straight way with a constant current is one with another scale.
+        // One straight path with a constant current looks like another scale.
         let straight = Track {
             velocity: track.t.iter().map(|t| [2.0 + 0.05 * (12.9898 * t).sin(), 0.0, 0.0]).collect(),
             ..track

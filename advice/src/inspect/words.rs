@@ -1,15 +1,15 @@
-//! What the name of a column says: a quantity, an axis, a unit.
+//! The meaning of a column name: a quantity, an axis, a unit.
 
-/// The name of a column, taken apart.
+/// The parts of a column name.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Words {
     /// The name without its unit, in lower case, words joined by `_`.
     pub(super) stem: String,
-    /// Its unit as designs write it, where the name says one.
+    /// Its unit as designs write it, if the name has one.
     pub(super) unit: Option<&'static str>,
 }
 
-/// Units as headers write them, without blanks and brackets, and as designs do.
+/// Units as headers write them, without blanks and brackets, and as designs write them.
 const UNITS: [(&str, &str); 51] = [
     ("mps2", "m/s^2"),
     ("ms2", "m/s^2"),
@@ -69,19 +69,19 @@ fn unit(written: &str) -> Option<&'static str> {
     UNITS.iter().find(|(name, _)| *name == plain).map(|(_, unit)| *unit)
 }
 
-/// The unit that the name of a column states.
+/// The unit in the name of a column.
 pub(crate) fn stated_unit(column: &str) -> Option<&'static str> {
     Words::of(column).unit.filter(|unit| *unit != "counts")
 }
 
 impl Words {
-    /// Takes a name apart.
+    /// Splits a name.
     pub(super) fn of(name: &str) -> Self {
         let bracket = name
             .find(['[', '('])
             .map(|at| (&name[..at], name[at + 1..].trim_end_matches([']', ')'])));
         let (plain, mut found) = match bracket {
-            // Alone a t may be a time.
+            // A single t may be a time.
             Some((plain, inside)) => (plain, unit(inside).or_else(|| (inside.trim() == "T").then_some("T"))),
             None => (name, None),
         };
@@ -104,29 +104,29 @@ impl Words {
         Some(self.stem.strip_suffix(axis)?.trim_end_matches('_'))
     }
 
-    /// Whether its last word is one of these.
+    /// Whether its last word is in `words`.
     pub(super) fn ends_with(&self, words: &[&str]) -> bool {
         let last = self.stem.rsplit('_').next().unwrap_or_default();
         words.iter().any(|w| *w == last || *w == self.stem)
     }
 }
 
-/// Whether a stem begins with one of these words.
+/// Whether a stem starts with one of these words.
 fn begins(stem: &str, words: &[&str]) -> bool {
     words.contains(&stem.split('_').next().unwrap_or_default()) || words.contains(&stem)
 }
 
-/// Whether a stem begins with one of these words, or has one that is more than a letter or two: `imu_acc`.
+/// Whether a stem starts with one of these words, or has one with more than two letters: `imu_acc`.
 pub(super) fn is_called(stem: &str, words: &[&str]) -> bool {
     begins(stem, words) || stem.split('_').any(|w| w.len() > 2 && words.contains(&w))
 }
 
-/// Whether one of its words is one of these.
+/// Whether a stem has one of these words.
 pub(super) fn contains(stem: &str, words: &[&str]) -> bool {
     stem.split('_').any(|w| words.contains(&w))
 }
 
-/// Whether a stem is a height, and says nothing but of which instrument and above what: `altitude_ellipsoid`, `althae`, `hmsl`.
+/// Whether a stem is a height, with nothing else but its instrument and datum: `altitude_ellipsoid`, `althae`, `hmsl`.
 pub(super) fn is_height(stem: &str) -> bool {
     const HEIGHT: [&str; 10] = ["altitude", "alt", "height", "hgt", "elevation", "elev", "hae", "amsl", "msl", "h"];
     const OF: [&str; 13] = [
@@ -144,7 +144,7 @@ pub(super) fn is_height(stem: &str) -> bool {
         "wgs84",
         "wgs",
     ];
-    // Names of loggers join words with or without a sign between them.
+    // Loggers join words with or without a sign between them.
     fn is_made(rest: &str, has_height: bool) -> bool {
         let after = |words: &[&str], has_height| {
             words
@@ -207,7 +207,7 @@ mod tests {
         assert_eq!(of("a_RS_S_x [m s^-2]"), ("a_rs_s_x".to_owned(), Some("m/s^2")));
         assert_eq!(of("latitude(deg)"), ("latitude".to_owned(), Some("deg")));
         assert_eq!(of("#timestamp [ns]"), ("timestamp".to_owned(), Some("ns")));
-        // A letter alone is a name, not a unit.
+        // A single letter is a name, not a unit.
         assert_eq!(of("g"), ("g".to_owned(), None));
         assert_eq!(Words::of("Acc_X").before("x"), Some("acc"));
         assert_eq!(Words::of("vn_mps").before("n"), Some("v"));

@@ -1,27 +1,27 @@
-//! How a recorded heading counts: clockwise or not, and from where, by the course over ground.
+//! The convention of a recorded heading: its direction and its zero, from the course over ground.
 
 use super::track::Track;
 
 /// A heading against the course.
 #[derive(Clone, Copy, Debug)]
 pub struct Yaw {
-    /// It counts clockwise, as courses do.
+    /// The heading counts clockwise, as courses do.
     pub is_clockwise: bool,
     /// Course minus heading, counted clockwise \[rad\].
     pub offset: f64,
-    /// How well all differences agree: 1 is perfectly, 0 not at all.
+    /// The agreement of all differences: 1 is perfect, 0 means no agreement.
     pub agreement: f64,
 }
 
 impl Yaw {
-    /// Whether the course tells how it counts.
+    /// Whether the course determines the convention.
     pub(super) fn is_decided(&self) -> bool {
-        /// Headings that have nothing to do with the course agree less.
+        /// Headings that do not depend on the course agree less.
         const DECIDED: f64 = 0.5;
         self.agreement >= DECIDED
     }
 
-    /// Of headings \[rad\] at stamps; `None` where the vehicle hardly moves.
+    /// From headings \[rad\] at stamps; `None` if the vehicle hardly moves.
     pub(super) fn of(t: &[f64], yaw: &[f64], track: &Track) -> Option<Self> {
         let slowest = 0.5 * track.top_speed();
         let mut pairs = Vec::new();

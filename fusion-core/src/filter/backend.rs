@@ -1,4 +1,4 @@
-//! The backends: a chart, an update and a form, each chosen by itself.
+//! The backends: a chart, an update and a form, each chosen independently.
 
 use super::iterated::Iterated;
 use super::outright::Outright;
@@ -9,7 +9,7 @@ use crate::chart::{AdditiveEuler, AdditiveQuaternion, Biases, Body, Chart, Invar
 use crate::covariance::{FormKind, Kernel};
 use std::sync::Arc;
 
-/// What the covariance is the covariance of.
+/// The definition of the error whose covariance is P.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum ChartKind {
     /// Additive Euler angles: the classical EKF.
@@ -31,26 +31,26 @@ pub enum UpdateKind {
     /// Once, at the prediction.
     #[default]
     Single,
-    /// Again and again, where the correction leads: Gauss-Newton.
+    /// Repeatedly, along the correction: Gauss-Newton.
     Iterated(Iterated),
     /// By sigma points, the prediction too.
     Unscented(Spread),
-    /// Not weighed at all: taken outright, without a covariance.
+    /// Without weighing: the state takes the measured value. No covariance is kept.
     Outright,
 }
 
 /// A backend: three independent choices.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Backend {
-    /// What the covariance is the covariance of.
+    /// The definition of the error whose covariance is P.
     pub chart: ChartKind,
     /// How a measurement is linearised.
     pub update: UpdateKind,
     /// How P is stored and kept positive.
     pub form: FormKind,
-    /// What becomes of P when the state moves by a correction.
+    /// How P changes when a correction moves the state.
     pub reset: Reset,
-    /// What computes; the best that the processor has where none is named.
+    /// The kernel that computes; `None` selects the best that the processor has.
     pub kernel: Option<Kernel>,
     /// Whether calibrations get only a share of the corrections by a sensor with larger errors than it declares.
     pub protection: bool,
@@ -89,7 +89,7 @@ impl Backend {
 }
 
 impl ChartKind {
-    /// The chart itself.
+    /// The chart that this kind names.
     #[must_use]
     pub fn chart(self) -> Arc<dyn Chart> {
         match self {
@@ -107,7 +107,7 @@ impl ChartKind {
 }
 
 impl UpdateKind {
-    /// The rule itself.
+    /// The rule that this kind names.
     #[must_use]
     pub fn rule(self) -> Arc<dyn UpdateRule> {
         match self {

@@ -1,14 +1,14 @@
-//! A bank of hypotheses: what is believed where a measurement may be good or false.
+//! A bank of hypotheses, for measurements that may be good or false.
 //!
-//! Where a gate must decide it may be wrong, and what it let in cannot be taken out again. A bank puts
-//! the decision off. For a gate that gives [odds](Gate::odds) each hypothesis is continued in up to
-//! three ways, of those that are probable enough: the measurement is good, it is false, it is good and
-//! the estimate is lost. Each continuation is a whole estimator, with the gates as they would then be.
-//! By Bayes' rule the weight of each is multiplied by how probable it holds every measurement that
-//! follows, of whatever sensor. Those that become alike are one again; the least probable are dropped.
+//! A gate that must decide at once may be wrong, and an accepted measurement cannot be removed again. A bank
+//! postpones the decision. If a gate gives [odds](Gate::odds), the bank continues each hypothesis in up to three
+//! ways, each only if it is probable enough: the measurement is good, it is false, or it is good and the estimate is
+//! lost. Each continuation is a whole estimator, with its own state of the gates. By Bayes' rule its weight is
+//! multiplied by its probability density of every later measurement, from any sensor. The bank merges hypotheses that
+//! become alike, and drops the least probable.
 //!
-//! The bank *shows* the hypothesis that continues what it showed before, unless another is more probable
-//! by a declared factor. While nothing is in doubt there is one hypothesis, and the bank is its estimator.
+//! The bank *shows* the hypothesis that continues the one shown before, unless another is more probable by a declared
+//! factor. Without doubt there is one hypothesis, and the bank is its estimator.
 //!
 //! After Reid, *An algorithm for tracking multiple targets*, IEEE TAC 24 (1979).
 
@@ -25,24 +25,24 @@ use crate::state::{Belief, Block, Layout, View};
 use crate::time::Time;
 use core::f64::consts::TAU;
 
-/// How many hypotheses there may be, and which.
+/// How many hypotheses the bank keeps, and which.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BankLimits {
     /// The most hypotheses, at least 1.
     pub most: usize,
-    /// Of the ways on from a measurement those are followed that are no less probable than the most probable
-    /// by this factor, in (0, 1).
+    /// The bank follows each continuation of a hypothesis after a measurement whose probability is at least this
+    /// fraction of the most probable one, in (0, 1).
     pub doubt: f64,
-    /// A hypothesis is dropped where it is less probable than the most probable by this factor, in (0, 1).
+    /// The bank drops a hypothesis whose probability is below this fraction of the most probable one, in (0, 1).
     pub least: f64,
-    /// Another hypothesis is shown where it is more probable by this factor, at least 1.
+    /// The bank shows another hypothesis if it is more probable by this factor, at least 1.
     pub switch: f64,
-    /// How many headings a start is tried with, all round; 1 for that of the initialisers alone.
+    /// How many headings a start is tried with, all round; 1 for the heading of the initialisers alone.
     pub starts: usize,
 }
 
 impl BankLimits {
-    /// Twenty hypotheses of one start.
+    /// Twenty hypotheses, one start.
     pub const DEFAULT: Self = Self {
         most: 20,
         doubt: 1e-8,
@@ -52,16 +52,16 @@ impl BankLimits {
     };
 }
 
-/// Two hypotheses are one where no axis of the state differs by more σ than this.
+/// Two hypotheses are merged if no axis of the state differs by more than this number of σ.
 const ALIKE: f64 = 0.1;
 
-/// A measurement is shown as used where it is more probable than its rejection by this factor.
+/// A measurement is shown as used if that is more probable than its rejection by this factor.
 const SURE: f64 = 20.0;
 
-/// A residual of a sensor whose own gate decides counts as no less probable than one in a million.
+/// For a sensor whose own gate decides, the probability of a residual counts as at least one in a million.
 const LEAST_OF_OTHERS: f64 = 1.0 - 1e-6;
 
-/// What an update said, kept: the buffers of its estimator may change before it is told.
+/// A copy of an update: the buffers of its estimator may change before it is reported.
 #[derive(Debug)]
 struct Report {
     verdict: Verdict,
@@ -76,7 +76,7 @@ struct Report {
     may_be_false: bool,
     /// See [`Broker::usual`].
     usual: Option<f64>,
-    /// Whether it was left out with that of another sensor, whatever it says itself.
+    /// Whether its gate rejected it together with the measurement of the sensor that it follows.
     is_aside: bool,
 }
 
@@ -129,7 +129,7 @@ const NOT_ASKED: Answer = Answer {
     mode: Mode::Track,
 };
 
-/// What may be true: an estimator, and the gates as they are if it is.
+/// A hypothesis: an estimator, and the state of the gates under it.
 #[derive(Debug)]
 struct Hypothesis {
     estimator: Box<dyn Estimator>,
@@ -138,7 +138,7 @@ struct Hypothesis {
     outcomes: Vec<Option<Outcome>>,
     /// ln of the probability, up to a constant.
     weight: f64,
-    /// Whether it continues the one that is shown.
+    /// Whether it continues the hypothesis that is shown.
     is_successor: bool,
     report: Report,
 }
@@ -151,7 +151,7 @@ impl Memory for Hypothesis {
             outcomes,
             weight,
             is_successor,
-            // Of the update at hand only.
+            // It belongs to the current update only.
             report: _,
         } = self;
         estimator.remember(tape);
@@ -174,7 +174,7 @@ impl Hypothesis {
         }
     }
 
-    /// What the runner foresees of a sensor's next measurement is taken over; the past is its own.
+    /// Takes over what the runner expects of a sensor's next measurement. The past outcomes are the hypothesis's own.
     fn foresee(&mut self, others: &[Option<Outcome>]) {
         for (own, other) in self.outcomes.iter_mut().zip(others) {
             if own.is_none_or(|own| other.is_some_and(|other| other.time > own.time)) {
@@ -183,7 +183,7 @@ impl Hypothesis {
         }
     }
 
-    /// Offers the measurement to its estimator, `intent` being what to do with it.
+    /// Offers the measurement to its estimator; `intent` decides its use.
     fn update(&mut self, intent: Intent, offer: &Offer<'_, '_>) -> Weighed {
         let sensor = offer.observed.sensor;
         (self.report.usual, self.report.is_aside) = (None, false);
@@ -224,33 +224,33 @@ impl Hypothesis {
 struct Offer<'a, 'b> {
     observed: &'a Observed<'b>,
     loss: &'a dyn Loss,
-    /// ln of how much less probable a way on may be than the best and is followed.
+    /// ln of the least fraction of the best probability that a continuation needs to be followed.
     depth: f64,
-    /// The largest NIS that counts of a sensor whose own gate decides.
+    /// The largest NIS that counts, for a sensor whose own gate decides.
     cap: f64,
 }
 
-/// What a hypothesis is to do with a measurement.
+/// The instruction to a hypothesis for a measurement.
 #[derive(Clone, Copy, Debug)]
 enum Intent {
-    /// What is clear; nothing where there is doubt.
+    /// Decides if the case is clear, and does nothing if there is doubt.
     Weigh,
-    /// This, whatever the gate would say.
+    /// Does this, without regard to the gate.
     Do(Decision),
 }
 
 /// How a measurement was weighed.
 #[derive(Clone, Copy, Debug)]
 enum Weighed {
-    /// It was not judged.
+    /// The measurement was not judged.
     Nothing,
-    /// ln of its density in what was done.
+    /// ln of the density of the measurement under the decision.
     Done(f64),
-    /// More than one thing may be done, and nothing was.
+    /// More than one decision is possible, and nothing was done.
     Doubt(Odds),
 }
 
-/// Stands between estimator and gate: decides where the gate gives odds, and weighs the rest.
+/// The link between estimator and gate: it decides if the gate gives odds, and weighs the other measurements.
 struct Broker<'a> {
     gate: &'a mut dyn Gate,
     intent: Intent,
@@ -258,7 +258,7 @@ struct Broker<'a> {
     cap: f64,
     weighed: Weighed,
     gives_odds: bool,
-    /// ln of the density of a measurement of which it is expected, NIS = m, where the gate gives no odds.
+    /// ln of the density of a measurement whose NIS is the expected one, m, if the gate gives no odds.
     usual: Option<f64>,
     is_aside: bool,
 }
@@ -269,7 +269,7 @@ impl core::fmt::Debug for Broker<'_> {
     }
 }
 
-/// The most probable of what may be done: what, how probable, and whether nothing else is within `depth`.
+/// The most probable decision, its log density, and whether no other decision is within `depth`.
 fn clearest(odds: &Odds, depth: f64) -> (Decision, f64, bool) {
     let ways = [
         (Decision::Accept, odds.good),
@@ -311,7 +311,7 @@ impl Gate for Broker<'_> {
         self.weighed = Weighed::Done(density);
         Answer {
             decision,
-            // The probability that it is false, of which more than a half rejects it.
+            // The probability that the measurement is false. Above one half, the measurement is rejected.
             statistic: (odds.bad - log_sum(odds.bad, log_sum(odds.good, odds.lost))).exp(),
             threshold: 0.5,
             mode: if decision == Decision::Reject { Mode::Denied } else { Mode::Track },
@@ -346,20 +346,20 @@ pub struct Bank {
     shown: usize,
     /// The difference of two states.
     delta: Vec<f64>,
-    /// Axes of attitudes and angles, and how far apart the hypotheses lie there.
+    /// Axes of attitudes and angles, and the differences of the hypotheses along them.
     angles: Vec<usize>,
     rivals: Rivals,
-    /// A hypothesis on its way into another.
+    /// The memory through which one hypothesis is copied to another.
     tape: Vec<u8>,
-    /// The largest NIS that counts of a sensor whose own gate decides, by the number of rows.
+    /// The largest NIS that counts for a sensor whose own gate decides, by the number of rows.
     caps: Vec<f64>,
 }
 
-/// So many members for each hypothesis: it goes on in up to three ways before some are dropped.
+/// Members per hypothesis: each continues in up to three ways before some are dropped.
 const WAYS: usize = 3;
 
 impl Bank {
-    /// A bank whose members `make` makes, all alike: an estimator, and the gates of all sensors by their
+    /// A bank whose members `make` makes, all alike. A member is an estimator, and the gates of all sensors by their
     /// number.
     #[must_use]
     pub fn new(limits: BankLimits, mut make: impl FnMut() -> (Box<dyn Estimator>, Vec<Box<dyn Gate>>)) -> Self {
@@ -387,18 +387,18 @@ impl Bank {
         }
     }
 
-    /// A copy of hypothesis number `k`; none where there is no member left.
+    /// A copy of hypothesis number `k`; `None` if there is no spare member.
     fn fork(&mut self, k: usize) -> Option<Hypothesis> {
         let mut fork = self.spare.pop()?;
         self.tape.clear();
         memory::save(&mut self.hypotheses[k], &mut self.tape);
-        // Bytes that a twin has just written.
+        // A twin has just written these bytes.
         let is_copied = memory::recall(&mut fork, &self.tape).is_ok();
         debug_assert!(is_copied, "members of a bank are alike");
         Some(fork)
     }
 
-    /// Puts hypothesis number `k` aside.
+    /// Returns hypothesis number `k` to the spare members.
     fn drop(&mut self, k: usize) {
         let dropped = self.hypotheses.remove(k);
         self.spare.push(dropped);
@@ -418,7 +418,7 @@ impl Bank {
         self.caps[rows]
     }
 
-    /// Hypothesis number `k` in every way that it may go on; those besides itself are put at the end.
+    /// Continues hypothesis number `k` in every probable way. The additional hypotheses are put at the end.
     fn branch(&mut self, k: usize, offer: &Offer<'_, '_>) {
         let hypothesis = &mut self.hypotheses[k];
         let odds = match hypothesis.update(Intent::Weigh, offer) {
@@ -448,9 +448,9 @@ impl Bank {
         hypothesis.weight += odds.bad;
     }
 
-    /// A measurement that went with another one says nothing about the hypotheses that left it out: they all get
-    /// the same for it, what the best informed hypothesis gives a usual one. With what each gives it by its own S
-    /// the one with the least S would win by knowing nothing.
+    /// A measurement that was rejected together with another says nothing about the hypotheses that rejected it. All
+    /// of them get the same weight: the density that the best informed hypothesis gives a usual measurement. If each
+    /// used the density by its own S, the hypothesis with the smallest S would win without any evidence.
     fn weigh_aside(&mut self) {
         let usual = self.hypotheses.iter().filter_map(|h| h.report.usual).reduce(f64::max);
         let Some(usual) = usual else { return };
@@ -459,7 +459,7 @@ impl Bank {
         }
     }
 
-    /// Drops what is improbable or a twin, and chooses what is shown.
+    /// Drops improbable hypotheses and twins, and chooses the hypothesis to show.
     fn select(&mut self) {
         // A stable sort of many would allocate.
         let order = |a: &Hypothesis, b: &Hypothesis| b.weight.total_cmp(&a.weight).then(b.is_successor.cmp(&a.is_successor));
@@ -484,7 +484,7 @@ impl Bank {
         };
         let shown = &mut self.hypotheses[self.shown];
         if stays.is_none() && shown.report.may_be_false && shown.report.verdict == Verdict::Accepted {
-            // The estimate jumps, to where this sensor was believed.
+            // The estimate jumps to the hypothesis that accepted this sensor.
             shown.report.verdict = Verdict::Reacquired;
         }
         for (k, hypothesis) in self.hypotheses.iter_mut().enumerate() {
@@ -521,8 +521,9 @@ impl Bank {
         self.angles.iter().map(|axis| apart(axis).abs()).fold(0.0, f64::max)
     }
 
-    /// The most probable one that continues what was shown; of two ways on from a measurement the one
-    /// without it, unless it is good for [`SURE`]: what is left out costs less than what is false.
+    /// The most probable hypothesis that continues the one shown. Of two continuations after a measurement it prefers
+    /// the rejection, unless acceptance is more probable by [`SURE`]: a missed measurement costs less than
+    /// a false one.
     fn successor(&self) -> Option<usize> {
         let mut successors = self.hypotheses.iter().enumerate().filter(|(_, h)| h.is_successor);
         let (first, best) = successors.next()?;
@@ -531,7 +532,7 @@ impl Bank {
         Some(without.filter(|(_, h)| is_near(h)).map_or(first, |(k, _)| k))
     }
 
-    /// Makes one of hypotheses that are alike: the most probable stays, with the weight of all.
+    /// Merges hypotheses that are alike: the most probable stays, with the sum of their weights.
     fn merge(&mut self) {
         let mut k = 1;
         while k < self.hypotheses.len() {
@@ -548,7 +549,7 @@ impl Bank {
         }
     }
 
-    /// Moves every hypothesis; one that fails is dropped, unless it is the last.
+    /// Moves every hypothesis. A hypothesis that fails is dropped, unless it is the last.
     fn move_all(&mut self, to_move: impl Fn(&mut dyn Estimator) -> Result<(), FilterError>) -> Result<(), FilterError> {
         let mut failed = Ok(());
         let mut k = 0;

@@ -25,7 +25,7 @@ const EXPLAINED: f64 = 0.999;
 /// Axes of the largest kinematic block.
 const MOST_AXES: usize = 3;
 
-/// Two earlier estimates of the motion: the one in use, and the one that waits.
+/// Two earlier estimates of the motion: the estimate in use, and the next one, which waits.
 #[derive(Clone, Debug)]
 pub(super) struct Earlier {
     /// The state in use, and the state that waits.
@@ -47,7 +47,7 @@ impl Memory for Earlier {
 }
 
 impl Earlier {
-    /// Of the kinematic blocks of `layout`.
+    /// For the kinematic blocks of `layout`.
     pub(super) fn of(layout: &Layout) -> Self {
         let moves = |b: &&Block| b.role == StateRole::Kinematic && b.kind.dim() <= MOST_AXES;
         let blocks: Vec<Block> = layout.blocks().iter().filter(moves).cloned().collect();
@@ -60,7 +60,7 @@ impl Earlier {
         }
     }
 
-    /// Forgets what was: the state is `x` now.
+    /// Forgets the past: the state is `x` now.
     pub(super) fn start(&mut self, x: &[f64]) {
         self.used.copy_from_slice(x);
         self.next.copy_from_slice(x);

@@ -15,8 +15,8 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FilterError {
-    /// The state would leave the earth or not be a number, or a variance be negative or not a
-    /// number; the belief is the last sound one.
+    /// The state would have left the earth or become NaN, or a variance would have become negative or NaN. The belief
+    /// is the last sound one.
     #[error(
         "the estimate would be unsound at {0}: no numbers, a negative variance or a state that nothing can have; the one before is kept"
     )]
@@ -49,11 +49,11 @@ pub enum Verdict {
 /// One measurement, and what the filter did with it.
 #[derive(Clone, Copy, Debug)]
 pub struct Update<'a> {
-    /// What became of it.
+    /// The outcome.
     pub verdict: Verdict,
     /// The measured value z, as it was offered.
     pub value: &'a [f64],
-    /// The predicted value h(x̂) before the update; not a number where it is undefined.
+    /// The predicted value h(x̂) before the update; NaN where it is undefined.
     pub predicted: &'a [f64],
     /// R, m×m, row by row, before any robust weight.
     pub noise: &'a [f64],
@@ -65,33 +65,33 @@ pub struct Update<'a> {
     pub nis: f64,
     /// The gate's own statistic.
     pub statistic: f64,
-    /// What the gate compared it with.
+    /// The limit with which the gate compared the statistic.
     pub threshold: f64,
     /// The gate's mode afterwards.
     pub mode: Mode,
-    /// Per row of the residual, in its unit: the smallest error of that row alone that the gate's
-    /// test refuses now; infinite where it refuses none, not a number where nothing was judged.
+    /// Per row of the residual, in its unit: the smallest error of that row alone that the gate's test rejects now;
+    /// infinite if it rejects no error, NaN if nothing was judged.
     pub power: &'a [f64],
     /// Robust weight; 1 is full weight.
     pub weight: f64,
     /// See [`Estimator::rivals`].
     pub rivals: Rivals,
-    /// H, over the axes of the belief, before the update; none where nothing was linearised.
+    /// H, over the axes of the belief, before the update; `None` if nothing was linearised.
     pub jacobian: Option<&'a Jacobian>,
 }
 
-/// Several beliefs of which each may be true, and the one that is shown.
+/// Several beliefs, each of which may be true. One of them is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rivals {
-    /// How many there are, the one shown included.
+    /// The number of beliefs, including the shown belief.
     pub count: usize,
-    /// How probable the one shown is.
+    /// The probability of the shown belief.
     pub probability: f64,
-    /// How far apart their attitudes and angles lie: RMS of the difference from the one shown, weighted by their
+    /// How far apart their attitudes and angles are: RMS of the difference from the shown belief, weighted by their
     /// probabilities \[rad\].
     pub apart: f64,
-    /// The latest update has brought another one to be shown than the one that goes on from what was: by how much the
-    /// attitude or angle that differs most has changed with it \[rad\].
+    /// `Some` if the latest update changed the shown hypothesis. The value is the change of the attitude or angle
+    /// that differs most \[rad\].
     pub changed: Option<f64>,
 }
 
@@ -116,12 +116,12 @@ pub struct Observed<'a> {
     pub value: &'a [f64],
     /// R, m×m, row by row.
     pub noise: &'a [f64],
-    /// What the row says of its own quality, HDOP for one: for gates that judge by it.
+    /// The quality that the row itself reports, such as HDOP, for gates that use it.
     pub quality: Option<f64>,
-    /// The input under which derivatives are taken: its rates are free of the noise of the sample in force,
-    /// which is in the residual too. None: the sample in force.
+    /// The input under which derivatives are taken. Its rates are free of the noise of the current sample, which is
+    /// in the residual too. `None`: the current sample.
     pub derivative_input: Option<Input<'a>>,
-    /// What is left of its time offset; none for a measurement that is valid when it is used.
+    /// The remaining time offset; `None` for a measurement that is valid when it is used.
     pub lateness: Option<Lateness<'a>>,
 }
 
@@ -136,7 +136,7 @@ pub(super) fn take_orientations(layout: &Layout, from: &Belief, belief: &mut Bel
 
 /// The interface of every estimator, with or without a covariance.
 pub trait Estimator: Memory + core::fmt::Debug + Send {
-    /// What it believes now.
+    /// The current belief.
     fn belief(&self) -> &Belief;
 
     /// The state layout.
@@ -147,11 +147,11 @@ pub trait Estimator: Memory + core::fmt::Debug + Send {
         true
     }
 
-    /// Replaces the belief: initialisation, a snapshot restored. Its covariance may be stored in
-    /// another form than that of the estimator.
+    /// Replaces the belief, at initialisation or when a snapshot is restored. Its covariance may be stored in another
+    /// form than the estimator's.
     fn set_belief(&mut self, belief: Belief);
 
-    /// Takes the orientations of `from`, uncorrelated with everything else, which stays.
+    /// Takes the orientations of `from`, uncorrelated with all other states, which keep their values.
     fn renew(&mut self, from: &Belief) {
         let mut belief = self.belief().clone();
         take_orientations(self.layout(), from, &mut belief);
@@ -165,22 +165,22 @@ pub trait Estimator: Memory + core::fmt::Debug + Send {
     fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError>;
 
     /// Moves the belief to `to` without input, which has been missing for `missing` seconds by then. At the beginning
-    /// of the gap the vehicle moved by the input `expected`; without it, by the latest input.
+    /// of the gap the vehicle moved by the input `expected`, or by the latest input if that is `None`.
     ///
     /// # Errors
     /// [`FilterError`]; the belief stays sound.
     fn coast(&mut self, to: Time, missing: f64, expected: Option<&Input<'_>>) -> Result<(), FilterError>;
 
-    /// Offers a measurement valid now. `others` is the latest outcome of each sensor of the design,
-    /// for gates that depend on it; it may be empty.
+    /// Offers a measurement that is valid now. `others` is the latest outcome of each sensor of the design, for gates
+    /// that depend on it; it may be empty.
     fn update<'a>(&'a mut self, observed: &Observed<'a>, gate: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a>;
 
-    /// H of the latest update, where it linearised.
+    /// H of the latest update, if it linearised.
     fn jacobian(&self) -> Option<&Jacobian> {
         None
     }
 
-    /// The beliefs that are carried, where they are several.
+    /// The beliefs that are carried, if there are several.
     fn rivals(&self) -> Rivals {
         Rivals::NONE
     }
@@ -188,9 +188,9 @@ pub trait Estimator: Memory + core::fmt::Debug + Send {
     /// The state and the process's signals, as models see them.
     fn view(&mut self) -> View<'_>;
 
-    /// Whether it keeps its steps for [`Estimator::steps`]; not at first.
+    /// Sets whether it keeps its steps for [`Estimator::steps`]; it does not at first.
     fn keep_steps(&mut self, keep: bool);
 
-    /// What the latest prediction or update consisted of, where steps are kept.
+    /// The steps of the latest prediction or update, if steps are kept.
     fn steps(&self) -> &[Step];
 }

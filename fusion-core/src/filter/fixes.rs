@@ -1,8 +1,8 @@
 //! Whether fixes of the horizontal position have agreed with the estimate lately.
 //!
-//! An attitude that is wrong shows in the position within seconds: fixes are then refused. So while they are used,
-//! one after the other, a sensor that measures the attitude alone is not believed against the estimate, however
-//! well its measurements agree with each other: a magnet beside a compass is as constant as the field of the Earth.
+//! A wrong attitude shows in the position within seconds, and fixes are then rejected. So while successive fixes are
+//! used, a sensor that measures the attitude alone is not believed against the estimate. This holds however well its
+//! measurements agree with each other: a magnet near a compass is as constant as the field of the Earth.
 
 use super::reacquire::Growing;
 use crate::linear::Jacobian;
@@ -10,9 +10,9 @@ use crate::state::{Block, Kind, Layout, StateRole};
 use crate::time::Time;
 use std::sync::Arc;
 
-/// As many fixes in a row agree.
+/// This number of successive fixes counts as agreement.
 const ENOUGH: u32 = 5;
-/// What was used longer ago \[s\] says nothing of now; of slow fixes their own intervals, three of them.
+/// Fixes older than this \[s\] do not count. For slow fixes the limit is three intervals between them.
 const RECENT: f64 = 10.0;
 const INTERVALS: f64 = 3.0;
 
@@ -21,7 +21,7 @@ const INTERVALS: f64 = 3.0;
 pub(super) struct Fixes {
     /// Axes of the horizontal position.
     horizontal: Arc<[usize]>,
-    /// Fixes used since the last that was not, when the latest was, and when the one before it.
+    /// Fixes used since the last rejected one, the time of the latest, and the time of the one before it.
     in_a_row: u32,
     latest: Option<Time>,
     before: Option<Time>,
@@ -41,12 +41,12 @@ impl Fixes {
         }
     }
 
-    /// Another belief is followed from now on.
+    /// Starts anew with another belief.
     pub(super) fn start(&mut self) {
         (self.in_a_row, self.latest, self.before) = (0, None, None);
     }
 
-    /// Hears whether a measurement with this H was used.
+    /// Notes whether a measurement with this H was used.
     pub(super) fn hear(&mut self, time: Time, h: &Jacobian, is_used: bool) {
         let is_fix = !self.horizontal.is_empty() && self.horizontal.iter().all(|axis| h.sees(*axis));
         if !is_fix {
@@ -58,8 +58,8 @@ impl Fixes {
         }
     }
 
-    /// Whether they tell that a measurement with this H is not to be believed against the estimate; `motion` has the axes of
-    /// turns and of all else that moves.
+    /// Whether the fixes show that a measurement with this H is not to be believed against the estimate. `motion` has
+    /// the axes of orientations and of all other motion.
     pub(super) fn contradict(&self, time: Time, h: &Jacobian, motion: &Growing) -> bool {
         let sees_any = |axes: &[usize]| axes.iter().any(|axis| h.sees(*axis));
         let interval = |latest: Time| self.before.map_or(0.0, |before| latest.seconds_since(before));

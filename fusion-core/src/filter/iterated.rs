@@ -57,7 +57,7 @@ impl UpdateRule for Iterated {
         work.trial.predicted[..value].copy_from_slice(&work.predicted[..value]);
         let is_weighed = cholesky(&work.noise, &mut work.trial.noise, m);
         let is_found = self.descend(problem, work, is_weighed);
-        // What is reported is the innovation of the prediction.
+        // The report contains the innovation of the prediction.
         work.residual[..m].copy_from_slice(&work.trial.residual[..m]);
         work.predicted[..value].copy_from_slice(&work.trial.predicted[..value]);
         if !is_found {
@@ -102,9 +102,9 @@ impl Iterated {
     }
 }
 
-/// Shortens the step to the new δ until it lowers the cost, and linearises there: the cost. `least` is the
-/// cost where the step starts, none where there is nothing to compare; `squared` its length squared in σ,
-/// so that the cost falls by 2 `squared` per step at first. None where no part of the step will do.
+/// Shortens the step to the new δ until it lowers the cost, linearises there, and returns the cost. `least` is the
+/// cost where the step starts, `None` if there is nothing to compare. `squared` is the step's squared length in σ, so
+/// that the cost falls by 2 `squared` per step at first. `None` if no part of the step lowers the cost.
 fn shorten(problem: &mut Problem<'_>, work: &mut Innovation, least: Option<f64>, squared: f64) -> Option<f64> {
     let mut part = 1.0;
     while part > SHORTEST {
@@ -114,7 +114,7 @@ fn shorten(problem: &mut Problem<'_>, work: &mut Innovation, least: Option<f64>,
             if now <= least - ENOUGH * 2.0 * part * squared {
                 return Some(now);
             }
-            // Where the parabola through value and slope at the start and this value is lowest.
+            // The minimum of the parabola through value and slope at the start and this value.
             (squared * part * part / (now - least + 2.0 * squared * part)).clamp(0.1 * part, 0.5 * part)
         } else {
             0.5 * part
@@ -125,7 +125,7 @@ fn shorten(problem: &mut Problem<'_>, work: &mut Innovation, least: Option<f64>,
     None
 }
 
-/// The new δ becomes the one kept.
+/// Keeps the new δ.
 fn keep(work: &mut Innovation) {
     let (correction, trial) = (&work.correction, &mut work.trial);
     trial.delta.copy_from_slice(correction);
@@ -167,7 +167,7 @@ fn solve(work: &mut Innovation) -> bool {
     true
 }
 
-/// How far the new δ is from the one kept, in σ of the belief given the measurement.
+/// The distance of the new δ from the kept δ, in σ of the belief given the measurement.
 fn distance(work: &mut Innovation, is_weighed: bool) -> f64 {
     let (new, old) = (
         work.correction.iter().zip(&work.trial.dual),

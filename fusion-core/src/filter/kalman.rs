@@ -22,18 +22,18 @@ use crate::state::{ALIGNED, Belief, Layout, Past, View};
 use crate::time::{Time, nanos};
 use std::sync::Arc;
 
-/// What a filter is made of: a [`Backend`] by its objects, some of which may come from elsewhere.
+/// The parts of a filter: a [`Backend`] as objects. A program may supply custom objects.
 #[derive(Clone, Debug)]
 pub struct Parts {
-    /// What the covariance is the covariance of.
+    /// The definition of the error whose covariance is P.
     pub chart: Arc<dyn Chart>,
     /// How a measurement is linearised and conditioned on.
     pub update: Arc<dyn UpdateRule>,
     /// How P is stored and kept positive.
     pub form: Arc<dyn Form>,
-    /// What becomes of P when the state moves by a correction.
+    /// How P changes when a correction moves the state.
     pub reset: Reset,
-    /// What computes.
+    /// The kernel that computes.
     pub kernel: Kernel,
     /// Whether calibrations get only a share of the corrections by a sensor with larger errors than it declares.
     pub protection: bool,
@@ -53,7 +53,7 @@ impl From<Backend> for Parts {
 }
 
 impl Parts {
-    /// What becomes of P at a correction: as declared, or what the update rule needs.
+    /// How P changes at a correction: as declared, or as the update rule needs.
     pub(crate) fn reset(&self) -> Reset {
         if self.update.resets_fully() { Reset::Full } else { self.reset }
     }
@@ -74,15 +74,15 @@ pub struct Filter {
     how: Reset,
     own: OwnDynamics,
     pub(super) growing: Growing,
-    /// What the parameters were before a gate denied its sensor.
+    /// The parameters before a gate rejected their sensor.
     pub(super) past: Past,
     /// Whether fixes agree with the estimate.
     fixes: Fixes,
     /// The motion by which parameters are differentiated.
     earlier: Earlier,
-    /// Which sensors err more than they declare.
+    /// Which sensors have larger errors than they declare.
     pub(super) protection: Protection,
-    /// Whether a gap has left an attitude that is too uncertain to be linearised about.
+    /// Whether a gap has left an attitude that is too uncertain for linearisation.
     is_open: bool,
     pub(super) belief: Belief,
     pub(super) transition: Transition,
@@ -91,7 +91,7 @@ pub struct Filter {
     pub(super) reset: BlockMatrix,
     x_before: Vec<f64>,
     pub(super) p_before: Covariance,
-    /// The steps of the latest call, where they are kept.
+    /// The steps of the latest call, if they are kept.
     steps: Option<Vec<Step>>,
 }
 
@@ -99,12 +99,12 @@ pub struct Filter {
 #[derive(Clone, Debug)]
 pub(super) struct Signals {
     pub(super) buffer: SignalBuffer,
-    /// The same under the input that derivatives are taken under.
+    /// The same under the input for derivatives.
     pub(super) smooth: SignalBuffer,
     evaluated: Evaluated,
 }
 
-/// How much of the signals is evaluated.
+/// Which part of the signals is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Evaluated {
     Nothing,
@@ -135,7 +135,7 @@ impl Signals {
     }
 }
 
-/// What moves the state over a step.
+/// The cause that moves the state over a step.
 enum Drive<'a> {
     Input(Input<'a>),
     Nothing(Gap),
@@ -148,7 +148,7 @@ impl Filter {
         Self::of(layout, process, backend.into(), largest)
     }
 
-    /// The same of parts that may come from elsewhere.
+    /// A filter as by [`Filter::new`], from custom parts.
     #[must_use]
     pub fn of(layout: Arc<Layout>, process: Arc<dyn Process>, parts: Parts, largest: Size) -> Self {
         let n = layout.dim();
@@ -188,8 +188,8 @@ impl Filter {
         }
     }
 
-    /// Moves the belief to `to` in steps that the process allows; `drive` says what moves it through
-    /// the part of the way from one number of seconds to another.
+    /// Moves the belief to `to` in steps that the process allows. `drive` gives the cause of the motion between two
+    /// times, in seconds from the start.
     fn advance<'a>(&mut self, to: Time, drive: impl Fn(f64, f64) -> Drive<'a>) -> Result<(), FilterError> {
         self.forget_steps();
         let from = self.belief.time;
@@ -201,7 +201,7 @@ impl Filter {
             return Ok(());
         }
         let longest = self.process.max_step();
-        // Nearly all are one step.
+        // Nearly every prediction is one step.
         let steps = if total <= longest {
             1.0
         } else {
@@ -228,8 +228,8 @@ impl Filter {
         Ok(())
     }
 
-    /// One step to `to`; false where its result is not sound, with a state then to be restored and
-    /// a covariance as before.
+    /// One step to `to`. Returns false if its result is not sound; the caller then has to restore the state, and the
+    /// covariance is as before.
     fn step(&mut self, drive: &Drive<'_>, to: Time, dt: f64) -> bool {
         let prior = self.prior();
         self.transition.restart();
@@ -271,8 +271,8 @@ impl Filter {
         }
     }
 
-    /// What blocks do by themselves, and P by the transition; false, with P as before, where it is not
-    /// sound. The process moves under the state it was linearised at, so blocks decay after it.
+    /// The blocks' own dynamics, and P by the transition. Returns false, with P as before, if P is not sound. The
+    /// process moves under the state at which it was linearised, so blocks decay after it.
     fn predict_covariance(&mut self, dt: f64) -> bool {
         self.own.write(dt, &mut self.transition);
         self.transition.finish();
@@ -285,9 +285,9 @@ impl Filter {
         self.layout.is_sane(&self.belief.x) && self.belief.covariance.predict(&self.transition, &mut self.work.work)
     }
 
-    /// The belief by sigma points through the process's own step; its noise is added as ever. False, with
-    /// a covariance as before, where the result is not sound. Where steps are kept, Φ becomes the
-    /// regression of what the points became on what they were.
+    /// The belief by sigma points through the process's own step; its noise is added as usual. Returns false,
+    /// with the covariance as before, if the result is not sound. If steps are kept, Φ becomes the regression of the
+    /// moved points on the points before.
     fn spread_step(&mut self, spread: &Spread, input: &Input<'_>, dt: f64) -> bool {
         self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
         self.own.write(dt, &mut self.transition);
@@ -339,12 +339,12 @@ impl Filter {
         variances.fold(0.0, f64::max).sqrt()
     }
 
-    /// The belief before a step, where steps are kept.
+    /// The belief before a step, if steps are kept.
     pub(super) fn prior(&self) -> Option<Belief> {
         self.steps.is_some().then(|| self.belief.clone())
     }
 
-    /// Keeps a step, where steps are kept.
+    /// Keeps a step, if steps are kept.
     pub(super) fn keep(&mut self, prior: Option<Belief>, step: impl FnOnce(&Self, Belief) -> Step) {
         if let Some(prior) = prior {
             let step = step(self, prior);
@@ -358,7 +358,7 @@ impl Filter {
         }
     }
 
-    /// The problem that `observed` poses at the belief, and the memory to solve it in.
+    /// The update problem of `observed` at the belief, and the working memory for it.
     fn problem<'a>(&'a mut self, observed: &'a Observed<'_>) -> (Problem<'a>, &'a mut Innovation, &'a dyn UpdateRule) {
         let problem = Problem {
             layout: &self.layout,
@@ -374,7 +374,7 @@ impl Filter {
         (problem, &mut self.work, self.rule.as_ref())
     }
 
-    /// First step: residual, H, S and the NIS. `Err` where there is none: the verdict.
+    /// First step: residual, H, S and the NIS. `Err` holds the verdict if the innovation cannot be computed.
     fn innovation(&mut self, observed: &Observed<'_>) -> Result<f64, Verdict> {
         let Size { value, residual: m } = observed.model.size();
         self.work.rows = m;
@@ -403,7 +403,7 @@ impl Filter {
         Ok(nis)
     }
 
-    /// Second step: what the gate says of it, and what it would have refused.
+    /// Second step: the gate's answer, and the errors that it would have rejected.
     fn judge(&mut self, quality: Option<f64>, nis: f64, gate: &mut dyn Gate, others: &[Option<Outcome>]) -> Answer {
         self.work.unit_nis();
         let (m, work) = (self.work.rows, &mut self.work);
@@ -422,7 +422,7 @@ impl Filter {
         gate.judge(&input)
     }
 
-    /// R ← R / w; the weight, or none where S is then not positive definite.
+    /// R ← R / w. Returns the weight, or `None` if S is then not positive definite.
     fn weigh(&mut self, nis: f64, loss: &dyn Loss) -> Option<f64> {
         let (m, work) = (self.work.rows, &mut self.work);
         let weight = loss.weight(nis.sqrt(), m);
@@ -435,7 +435,7 @@ impl Filter {
         Some(weight)
     }
 
-    /// Uses an accepted measurement with its robust weight; nothing changes where that cannot be.
+    /// Uses an accepted measurement with its robust weight; nothing changes if that is impossible.
     fn use_it(&mut self, observed: &Observed<'_>, nis: f64, loss: &dyn Loss) -> (Verdict, f64) {
         let Some(weight) = self.weigh(nis, loss) else {
             return (Verdict::Unusable, 0.0);
@@ -462,9 +462,8 @@ impl Filter {
         self.forget_steps();
     }
 
-    /// Third step, gain, correction and P, and fourth: the chart moves state and P by the
-    /// correction. False where what comes out is not sound; state and P are then to be restored from
-    /// `x_before` and `p_before`.
+    /// Third step: gain, correction and P. Fourth step: the chart moves state and P by the correction. Returns false
+    /// if the result is not sound; the caller then has to restore state and P from `x_before` and `p_before`.
     fn correct(&mut self, observed: &Observed<'_>, share: f64) -> bool {
         let prior = self.prior();
         let (mut problem, work, rule) = self.problem(observed);
@@ -495,7 +494,7 @@ impl Filter {
         true
     }
 
-    /// The innovation under a covariance that has grown, for rules to which H is not enough.
+    /// The innovation under a covariance that has grown, for rules that need more than H.
     fn redraw(&mut self, observed: &Observed<'_>) -> bool {
         if self.rule.spread().is_none() {
             return true;
@@ -505,7 +504,7 @@ impl Filter {
         is_defined && work.residual[..work.rows].iter().all(|r| r.is_finite()) && work.factor()
     }
 
-    /// Moves the state by the correction, through the chart, and P with it; whether P had to follow.
+    /// Moves the state by the correction, through the chart, and P with it. Returns whether P had to follow.
     fn apply(&mut self) -> bool {
         self.reset.reset();
         let x = &mut self.belief.x;
@@ -559,7 +558,7 @@ impl Memory for Filter {
         if tape.is_reading() {
             self.signals.forget();
         }
-        // Sums run along the patterns that were learnt: they decide on the last bit.
+        // Sums run along the learnt patterns, which therefore decide the last bit.
         self.transition.phi.remember(tape);
         self.reset.remember(tape);
         self.work.trial.by.remember(tape);
@@ -568,7 +567,7 @@ impl Memory for Filter {
 }
 
 impl Filter {
-    /// Where the chart is anchored; one that is read is anchored there.
+    /// Where the chart is anchored. A filter that is read from a tape is anchored there.
     fn remember_anchor(&mut self, tape: &mut Tape<'_>) {
         let mut is_anchored = self.anchor.is_some();
         is_anchored.remember(tape);
@@ -612,7 +611,7 @@ impl Estimator for Filter {
         let covariance = belief.covariance.stored_in(self.p_before.form());
         let before = core::mem::take(&mut self.belief.input);
         self.belief = Belief { covariance, ..belief };
-        // One that was read from a file, or made by hand, has none.
+        // A belief that was read from a file, or made by hand, has no input.
         if !self.belief.input.fits(self.process.input_dim()) {
             self.belief.input = before;
         }
@@ -709,7 +708,7 @@ impl Estimator for Filter {
     }
 
     fn jacobian(&self) -> Option<&Jacobian> {
-        // The predicted σ is no number, or none yet, where the latest measurement did not come so far.
+        // The predicted σ is NaN or missing if the latest measurement failed before that step.
         let is_there = self.work.sigma[..self.work.rows].first().is_some_and(|sigma| *sigma > 0.0);
         (is_there && self.keeps_covariance()).then_some(&self.work.jacobian)
     }

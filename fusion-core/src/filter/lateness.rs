@@ -1,6 +1,6 @@
 //! A measurement that is used a little before or after it is valid.
 //!
-//! Assumed    valid at stamp − τ₀, where the belief stands
+//! Assumed    valid at stamp − τ₀, the time of the belief
 //! Valid      at stamp − τ, τ a state or a constant
 //! Predicted  h(x̂) ⊟ c (τ̂ − τ₀),  c = dh/dt = H ẋ along the motion
 //! Jacobian   ∂h/∂τ = −c
@@ -12,24 +12,24 @@ use super::rule::Innovation;
 use crate::model::{Input, Measurement, Process};
 use crate::state::{Layout, Quantity, Scalar};
 
-/// The step Δt over which the rate of the state is taken \[s\]: short, so that it is the rate here, and
-/// long enough that rounding of positions (1 nm) is 1 µm/s.
+/// The step Δt over which the rate of the state is taken \[s\]. It is short enough to give the rate here, and so long
+/// that rounding of positions (1 nm) is 1 µm/s.
 const STEP: f64 = 1e-3;
 
-/// What is left of the time offset of a measurement.
+/// The remaining time offset of a measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Lateness<'a> {
-    /// Stamp minus validity \[s\]; a signal counts as what is assumed.
+    /// Stamp minus time of validity \[s\]; a signal in it counts as the assumed value.
     pub offset: &'a Quantity<Scalar>,
     /// The offset by which the measurement would be valid now \[s\].
     pub assumed: f64,
-    /// The input about now, its rates averaged as far as they would be noise.
+    /// The input near this time, its rates averaged if they would be noise.
     pub input: Input<'a>,
 }
 
 impl Lateness<'_> {
-    /// Moves the prediction in `work` to where the offset says, and adds the offset's column to H, which
-    /// is complete but for it.
+    /// Moves the prediction in `work` by the offset, and adds the offset's column to H. All other columns of H are
+    /// complete.
     pub(super) fn account(&self, model: &dyn Measurement, process: &dyn Process, layout: &Layout, x: &[f64], work: &mut Innovation) {
         let (moved, rate) = (&mut work.moved, &mut work.rate);
         moved.copy_from_slice(x);

@@ -1,10 +1,10 @@
-//! Measurements taken outright: what is measured is what the state becomes.
+//! Measurements taken outright: the state takes the measured value.
 //!
 //! Correction δ = H⁺ r,  H⁺ = Hᵀ (H Hᵀ)⁻¹: the smallest change of the state after which h, to first order,
-//!            is the measurement. K = H⁺ has no P in it, and there is none: P is zero throughout
+//!            is the measurement. K = H⁺ does not depend on P, and no P is kept: P is zero throughout
 //! Gates      see S = R. Estimates come without σ
 //! Use        navigation by the latest value of each instrument: a position reset at a fix, an attitude from a
-//!            reference. What filters are compared with
+//!            reference. A baseline with which filters are compared
 
 use super::rule::{Innovation, Problem, UpdateRule};
 use crate::covariance::{cholesky, solve_rows};
@@ -36,7 +36,7 @@ impl UpdateRule for Outright {
             kt[..n].copy_from_slice(&row[..n]);
             kt[n..].fill(0.0);
         }
-        // Rows that no state moves, or that repeat each other, have no such correction.
+        // There is no such correction for rows that no state moves or that repeat each other.
         if !cholesky(squared, &mut w.l, m) {
             return false;
         }
@@ -129,7 +129,7 @@ mod tests {
         // x + y = 11 from 9: one each. 4 ε: rounding of 1/√2 twice.
         let x = update(Matrix1x2::new(1.0, 1.0), 11.0).2;
         assert!((x - Vector2::new(8.0, 3.0)).amax() < 4e-15, "{x}");
-        // What no state moves cannot be taken, and nothing changes.
+        // A row that no state moves cannot be taken, and nothing changes.
         let (verdict, _, same, _) = update(Matrix1x2::new(0.0, 0.0), 1.0);
         assert_eq!((verdict, same), (Verdict::Unusable, x));
     }

@@ -1,4 +1,4 @@
-//! What blocks of the state do by themselves: random walks and Gauss-Markov decay.
+//! The own dynamics of state blocks: random walks and Gauss-Markov decay.
 
 use crate::linear::Transition;
 use crate::state::{Dynamics, Layout};
@@ -22,17 +22,17 @@ struct Markov {
     decay: f64,
 }
 
-/// Those that the blocks of a layout declare.
+/// The own dynamics that the blocks of a layout declare.
 #[derive(Clone, Debug)]
 pub(super) struct OwnDynamics {
     walks: Vec<Walk>,
     markovs: Vec<Markov>,
-    /// The correlation times τ \[s\] that there are, each with its exp(−Δt/τ): where steps are not equally
-    /// long, as those of recorded logs, it is computed once for all axes.
+    /// The different correlation times τ \[s\], each with its exp(−Δt/τ). If steps are not equally long, as in
+    /// recorded logs, each exponential is computed once for all axes.
     times: Vec<(f64, f64)>,
-    /// What comes in over a step, as entries of its noise.
+    /// The process noise of a step, as entries of its matrix.
     noise: Vec<(u16, u16, f64)>,
-    /// The length of a step \[s\] that decays and noise are computed for: most steps are equally long.
+    /// The length of a step \[s\] for which decays and noise are computed: most steps are equally long.
     dt: f64,
 }
 
@@ -67,7 +67,7 @@ impl OwnDynamics {
         own
     }
 
-    /// Where a correlation time is listed.
+    /// The index of a correlation time in the list.
     fn time(&mut self, tau: f64) -> usize {
         self.times.iter().position(|(t, _)| *t == tau).unwrap_or_else(|| {
             self.times.push((tau, 1.0));
@@ -86,7 +86,7 @@ impl OwnDynamics {
         out.after.entries.extend_from_slice(&self.noise);
     }
 
-    /// Computes what depends on the length of a step.
+    /// Computes everything that depends on the length of a step.
     fn set_step(&mut self, dt: f64) {
         self.dt = dt;
         self.times.iter_mut().for_each(|(tau, decay)| *decay = (-dt / *tau).exp());

@@ -1,10 +1,9 @@
 //! How P grows when a sensor is believed against the estimate.
 //!
-//! A gate re-acquires its sensor where the measurements agree with each other and not with the
-//! estimate: the *motion* has gone wrong, in a way that no model describes. What is known of the
-//! equipment (biases, lever arms, latencies) stays known. So the kinematic blocks are given an
-//! error of their own, P ← P + Q, with Q on their diagonal in proportion to the variances that are
-//! there. It is independent of everything else, hence
+//! A gate re-acquires its sensor if the measurements agree with each other but not with the estimate: the *motion*
+//! has gone wrong, in a way that no model describes. The knowledge of the equipment (biases, lever arms, latencies)
+//! stays valid. So the kinematic blocks get an additional error, P ← P + Q. Q is diagonal, in proportion to the
+//! present variances of these blocks. It is independent of everything else, hence
 //!
 //! - a calibration is moved by less than its own σ, however large the residual is: S grows, and its
 //!   covariance with the motion does not;
@@ -12,10 +11,10 @@
 //!   the correlations of a motion that did not happen. Velocity and attitude are open to the
 //!   measurements that follow.
 //!
-//! What went wrong may have pulled parameters too, before a gate refused it. So what was learnt of a
-//! parameter since before then is not relied on: its variance becomes again what it would be without,
-//! and where it has moved further than that, the square of the distance. Measurements can bring it back
-//! to where it was; one that was neither moved nor learnt stays as it is.
+//! The wrong motion may have pulled parameters too, before a gate rejected the sensor. So the filter discards what it
+//! learnt of each parameter since before that time: the variance becomes again the value without this learning. If
+//! the parameter has moved further than that, its variance becomes the square of the distance. Measurements can then
+//! bring it back. A parameter that was neither moved nor learnt stays as it is.
 
 use super::kalman::Filter;
 use super::step::Step;
@@ -29,17 +28,17 @@ const MOST_GROWTH: f64 = 1e6;
 /// The σ \[rad\] up to which an orientation grows: errors of second order are half a percent there.
 const MOST_TURN: f64 = 0.1;
 
-/// The largest growth of the σ of what is measured, where no growth of the motion explains the residual.
+/// The largest growth of the σ of the measured quantities, if no growth of the motion explains the residual.
 const MOST_GROWTH_OF_SEEN: f64 = 1e4;
 
 /// The axes of P that grow.
 #[derive(Clone, Debug)]
 pub(super) struct Growing {
-    /// Axes of positions, velocities and whatever else moves.
+    /// Axes of positions, velocities and all other motion.
     pub(super) linear: Arc<[usize]>,
     /// Axes of orientations, which grow up to [`MOST_TURN`].
     pub(super) angular: Arc<[usize]>,
-    /// The axes of each block, and whether it is a parameter; and those that the measurement sees.
+    /// The axes of each block, and whether it is a parameter; and the axes that the measurement sees.
     blocks: Arc<[(Range<usize>, bool)]>,
     seen: Vec<Range<usize>>,
 }
@@ -61,11 +60,11 @@ impl Growing {
 }
 
 impl Filter {
-    /// P grows until the residual is one that it expects, rᵀ(HPHᵀ + R)⁻¹r ≤ m: the motion, or, where no
-    /// growth of the motion explains it, the parameters that the sensor sees, such as its own bias, or
-    /// all that it sees. What it does not see stays as it is: a compass tells nothing of the position.
-    /// What was learnt of parameters lately is forgotten. False where none does; P is then to be
-    /// restored from `p_before`.
+    /// P grows until it explains the residual, rᵀ(HPHᵀ + R)⁻¹r ≤ m. First the motion grows. If no growth of the
+    /// motion explains the residual, the parameters that the sensor sees grow, such as its own bias; then everything
+    /// that the sensor sees. All other states stay as they are: a compass contains no information about the position.
+    /// The filter also forgets what it learnt of parameters lately. Returns false if no growth is enough; the caller
+    /// then has to restore P from `p_before`.
     pub(super) fn inflate(&mut self) -> bool {
         let prior = self.prior();
         let grows = self.grow_until_expected(MOST_GROWTH, Self::grow_motion) || self.grow_seen(true) || self.grow_seen(false);
@@ -79,8 +78,8 @@ impl Filter {
         grows
     }
 
-    /// Grows P by `grow` to twice, four times, … the variances that were there, until the residual
-    /// is expected; false where σ has grown `most` times without.
+    /// Grows P by `grow` to twice, four times, … the variances before, until P explains the residual. Returns false
+    /// if σ has grown `most` times without success.
     fn grow_until_expected(&mut self, most: f64, grow: impl Fn(&mut Self, f64)) -> bool {
         let (expected, mut growth) = (self.work.rows as f64, 1.0);
         while growth <= most * most {
@@ -94,7 +93,7 @@ impl Filter {
         false
     }
 
-    /// Grows what the measurement sees, of parameters alone or of all, from P as it was.
+    /// Grows the blocks that the measurement sees, parameters alone or all, from P as it was.
     fn grow_seen(&mut self, parameters_alone: bool) -> bool {
         self.belief.covariance.copy_from(&self.p_before);
         let (Growing { blocks, seen, .. }, h) = (&mut self.growing, &self.work.jacobian);
@@ -109,8 +108,8 @@ impl Filter {
             && self.grow_until_expected(MOST_GROWTH_OF_SEEN, |f, _| f.belief.covariance.scale(&f.growing.seen, 2.0))
     }
 
-    /// Gives each parameter the variance that it has without what was learnt lately, and prepares the
-    /// innovation again; false where that cannot be done.
+    /// Gives each parameter the variance that it has without recent learning, and prepares the innovation again.
+    /// Returns false if that is impossible.
     fn forget_lately(&mut self) -> bool {
         self.transition.reset();
         let after = &mut self.transition.after;
@@ -134,7 +133,7 @@ impl Filter {
             let added = times * self.p_before.variance(axis);
             self.transition.after.diagonal(axis, added.min(room.max(0.0)));
         }
-        // What would overflow is not added, and the residual stays unexpected.
+        // An overflowing variance is not added, and the residual stays unexplained.
         self.belief.covariance.predict(&self.transition, &mut self.work.work);
     }
 }

@@ -28,13 +28,13 @@ pub trait UpdateRule: Debug + Send + Sync {
         Ok(())
     }
 
-    /// The correction δ \[tangent coordinates\] into `work.correction`, and the covariance given the
-    /// measurement; S and its factor are in `work`, R is `work.noise`. The state is not moved: that
-    /// is the chart's, afterwards. False, and nothing changed, where a number is not finite.
+    /// The correction δ \[tangent coordinates\] into `work.correction`, and the covariance given the measurement. S
+    /// and its factor are in `work`, R is `work.noise`. The state does not move here: the chart moves it afterwards.
+    /// Returns false, and changes nothing, if a number is not finite.
     fn condition(&self, problem: &mut Problem<'_>, work: &mut Innovation) -> bool;
 
-    /// Whether P given the measurement is that of coordinates about the prediction, so that the
-    /// chart has to carry it by the Jacobian of its retraction: [`Reset::Full`], whatever is declared.
+    /// Whether P given the measurement is in coordinates about the prediction. The chart then has to carry it by the
+    /// Jacobian of its retraction: [`Reset::Full`], even if another reset is declared.
     fn resets_fully(&self) -> bool {
         false
     }
@@ -44,7 +44,7 @@ pub trait UpdateRule: Debug + Send + Sync {
         None
     }
 
-    /// Whether there is a covariance at all; without one P is zero, before and after every step.
+    /// Whether there is a covariance; without it P is zero before and after every step.
     fn keeps_covariance(&self) -> bool {
         true
     }
@@ -69,7 +69,7 @@ impl UpdateRule for Single {
     }
 }
 
-/// What an update rule works on: the belief and the measurement.
+/// The problem of an update: the belief and the measurement.
 #[derive(Debug)]
 pub struct Problem<'a> {
     /// The state layout.
@@ -108,8 +108,7 @@ impl Problem<'_> {
         linearised
     }
 
-    /// x̂ ⊞ `delta` into `x`, by the chart; into `by` the Jacobian of what lies there with respect to
-    /// `delta`.
+    /// x̂ ⊞ `delta` into `x`, by the chart. The Jacobian of that state with respect to `delta` goes into `by`.
     pub fn move_to(&self, delta: &[f64], x: &mut [f64], by: &mut BlockMatrix) {
         x.copy_from_slice(self.x);
         by.reset();
@@ -191,7 +190,7 @@ impl Problem<'_> {
             self.earlier.write(x, self.covariance, &mut work.moved);
             signals.smooth.evaluate(process, &work.moved, smooth, false);
             work.by_parameter.reset(m);
-            // Where h has no value there, the derivative now is all there is.
+            // If h has no value there, only the derivative at the present state remains.
             if model.jacobian(&signals.smooth.view(&work.moved), &mut work.by_parameter).is_ok() {
                 for block in parameters(self.layout) {
                     work.jacobian.copy_columns(block.tangent_range(), &work.by_parameter);
@@ -204,7 +203,7 @@ impl Problem<'_> {
     }
 }
 
-/// The blocks that are not moved by the process: calibrations and errors of sensors.
+/// The blocks that the process does not move: calibrations and errors of sensors.
 fn parameters(layout: &Layout) -> impl Iterator<Item = &Block> {
     layout.blocks().iter().filter(|b| b.role != StateRole::Kinematic)
 }
@@ -243,7 +242,7 @@ fn combine<const M: usize>(rows: &[f64], ld: usize, r: [f64; M], out: &mut [f64]
     }
 }
 
-/// What a rule needs to look at the measurement from another state.
+/// The memory for linearising the measurement at another state.
 #[derive(Clone, Debug)]
 pub(super) struct Trial {
     /// The Jacobian of the chart's retraction.
@@ -257,7 +256,7 @@ pub(super) struct Trial {
     /// A row of H; another H.
     pub(super) row: Vec<f64>,
     pub(super) jacobian: Jacobian,
-    /// The innovation of the prediction, which is what is reported.
+    /// The innovation of the prediction, which is reported.
     pub(super) residual: Vec<f64>,
     pub(super) predicted: Vec<f64>,
     /// h at another state.
@@ -294,8 +293,8 @@ pub struct Innovation {
     pub predicted: Vec<f64>,
     /// r = z ⊟ h(x̂); the first m.
     pub residual: Vec<f64>,
-    /// What the correction is K times: the residual, or for an iterated update r + H δ of the last
-    /// linearisation.
+    /// The vector that K multiplies to give the correction: the residual, or for an iterated update r + H δ of the
+    /// last linearisation.
     pub effective: Vec<f64>,
     /// H, m×n.
     pub jacobian: Jacobian,
@@ -309,13 +308,13 @@ pub struct Innovation {
     pub(super) trial: Trial,
     /// Sigma points, for rules that draw them.
     pub(super) points: SigmaPoints,
-    /// A state a little later, and the change up to it; what a measurement changes by.
+    /// A state a little later, the change up to it, and the change of the measurement.
     pub(super) moved: Vec<f64>,
     pub(super) rate: Vec<f64>,
     pub(super) shift: Vec<f64>,
     /// The change of the prediction at the estimate by the sample in force, compared with the input for derivatives.
     pub(super) input_change: Vec<f64>,
-    /// Whether h reads a signal and has a parameter as well: their product may be of two that are uncertain.
+    /// Whether h reads a signal and has a parameter: their product may then have two uncertain factors.
     pub(super) multiplies: bool,
     /// H at an earlier motion: its columns of parameters.
     pub(super) by_parameter: Jacobian,
@@ -323,7 +322,7 @@ pub struct Innovation {
     pub(super) sigma: Vec<f64>,
     /// (S⁻¹)_ii.
     pub(super) unit_nis: Vec<f64>,
-    /// What the gate's test would refuse, per row.
+    /// The smallest error per row that the gate's test would reject.
     pub(super) power: Vec<f64>,
 }
 
@@ -379,7 +378,8 @@ impl Innovation {
         w.iter().map(|v| v * v).sum()
     }
 
-    /// (S⁻¹)_ii of each row, as the squared norm of L⁻¹eᵢ: the NIS of a residual of one in it alone.
+    /// (S⁻¹)_ii of each row, as the squared norm of L⁻¹eᵢ: the NIS of a residual that is one in this row and zero in
+    /// the others.
     pub(super) fn unit_nis(&mut self) {
         let (m, l) = (self.rows, &self.work.l);
         let (unit, squares) = (&mut self.whitened[..m], &mut self.unit_nis[..m]);
@@ -416,11 +416,11 @@ impl Innovation {
                 kt.chunks_exact(ld).zip(r).for_each(|(row, r)| axpy(*r, row, delta));
             }
         }
-        // Without branches in between: they nearly always are.
+        // Without branches in the loop: nearly always all numbers are finite.
         self.correction.iter().fold(true, |all, d| all & d.is_finite())
     }
 
-    /// P given the measurement, by the gain that is here.
+    /// P given the measurement, by the present gain.
     pub fn condition(&mut self, covariance: &mut Covariance) {
         let m = self.rows;
         covariance.condition(&self.jacobian, &self.noise[..m * m], &mut self.work);

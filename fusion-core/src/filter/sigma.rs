@@ -1,13 +1,13 @@
-//! Sigma points: the belief as a set of states, moved through a function as they are.
+//! Sigma points: the belief as a set of states, each moved through a function.
 //!
 //! Set        x̂ and x̂ ⊞ (±γ L_i), P = L Lᵀ, γ = α√(n + κ), ⊞ and ⊟ those of the chart
-//! Weights    w = 1/(2γ²) of each pair's points; of the mean 1 − n/γ² for x̂, of the covariance
-//!            1 − α² + β more
-//! Read as    odd part φ_i = (y_i⁺ − y_i⁻)/2γ and even part e_i = (y_i⁺ + y_i⁻)/2 of what the points
-//!            become, seen from what x̂ becomes:
+//! Weights    w = 1/(2γ²) for each point of a pair. For x̂: 1 − n/γ² in the mean, and 1 − α² + β more in the
+//!            covariance
+//! Read as    odd part φ_i = (y_i⁺ − y_i⁻)/2γ and even part e_i = (y_i⁺ + y_i⁻)/2 of the moved points,
+//!            relative to the moved x̂:
 //!            mean μ = 2w Σ e_i, covariance Σ φ_i φ_iᵀ + 2w Σ e_i e_iᵀ + (β − α²) μ μᵀ
-//!            The same numbers as the usual sums of weights, of which one is large and negative for a
-//!            small α; and the covariance is seen to be positive for β ≥ α²
+//!            The numbers are those of the usual weighted sums, in which one weight is large and negative for a
+//!            small α. In this form the covariance is evidently positive for β ≥ α²
 //! Source     Julier and Uhlmann 2004; scaled set: Julier 2002; on manifolds: Brossard, Barrau,
 //!            Bonnabel 2019 (arXiv 2002.00878)
 
@@ -56,7 +56,7 @@ pub struct SigmaPoints {
     pub(super) lm: usize,
     /// Lᵀ, n×n: row i is L_i.
     pub(super) factor: Lines,
-    /// A correction to a point; what becomes of the points of a pair.
+    /// A correction to a point; the moved points of a pair.
     pub(super) delta: Vec<f64>,
     pub(super) ends: [Vec<f64>; 2],
     /// φ_i and e_i, row after row.
@@ -64,12 +64,12 @@ pub struct SigmaPoints {
     pub(super) even: Lines,
     /// μ.
     pub(super) mean: Lines,
-    /// What is of second order, m×m.
+    /// The part of second order, m×m.
     pub(super) spread: Lines,
     /// A covariance, n×n; the same without padding.
     pub(super) whole: Lines,
     dense: Vec<f64>,
-    /// A state, and what x̂ becomes.
+    /// A state, and the moved x̂.
     pub(super) x: Vec<f64>,
     pub(super) centre: Vec<f64>,
 }
@@ -97,7 +97,7 @@ impl SigmaPoints {
         self.centre.resize(storage, 0.0);
     }
 
-    /// L of P and what is added to it; the axis of a variance that is zero, up to rounding, has no points.
+    /// L of P plus `added`. An axis whose variance is zero, up to rounding, has no points.
     pub(super) fn take(&mut self, covariance: &Covariance, added: impl Iterator<Item = (usize, usize, f64)>) {
         let (n, ld) = (self.n, self.ld);
         for (i, j) in (0..n).flat_map(|i| (0..=i).map(move |j| (i, j))) {
@@ -116,7 +116,7 @@ impl SigmaPoints {
         column[i] > 0.0
     }
 
-    /// φ_i and e_i of `m` numbers from the ends of pair i; zero for a pair that is not there.
+    /// φ_i and e_i of `m` numbers from the ends of pair i; zero if the pair is missing.
     pub(super) fn keep(&mut self, i: usize, m: usize, reach: f64, is_there: bool) {
         let [plus, minus] = &self.ends;
         for k in 0..m {
@@ -133,7 +133,7 @@ impl SigmaPoints {
         }
     }
 
-    /// μ from the even parts, and what they add to the covariance into `spread`, m×m.
+    /// μ from the even parts. Their contribution to the covariance goes into `spread`, m×m.
     pub(super) fn second_order(&mut self, m: usize, reach: f64, set: &Spread) {
         let (n, lm, w) = (self.n, self.lm, 1.0 / (2.0 * reach * reach));
         let mean = &mut self.mean[..lm];
@@ -147,7 +147,7 @@ impl SigmaPoints {
         self.kernel.outer(m, 1, mean, set.beta - set.alpha * set.alpha, spread);
     }
 
-    /// Carries odd parts, and what is of second order, by a map of their space.
+    /// Carries odd parts, and the part of second order, by a map of their space.
     pub(super) fn carry(&mut self, by: &BlockMatrix) {
         let (n, ld) = (self.n, self.ld);
         let carried = |row: &mut [f64], delta: &mut [f64]| {
@@ -169,7 +169,7 @@ impl SigmaPoints {
         }
     }
 
-    /// Φ as the regression, and what is of second order as noise.
+    /// Φ as the regression, and the part of second order as noise.
     pub(super) fn explain(&mut self, transition: &mut Transition) {
         let n = self.n;
         for k in 0..n {
@@ -185,8 +185,7 @@ impl SigmaPoints {
         }
     }
 
-    /// The covariance: odd parts, what is of second order, and `noise`, n×n, row by row; `None` where it
-    /// is not sound.
+    /// The covariance: odd parts, the part of second order, and `noise`, n×n, row by row; `None` if it is not sound.
     pub(super) fn covariance(&mut self, noise: impl Iterator<Item = (usize, usize, f64)>) -> Option<&[f64]> {
         let (n, ld) = (self.n, self.ld);
         let p = &mut self.whole[..n * ld];
@@ -208,8 +207,8 @@ impl SigmaPoints {
         &self.dense[..n * n]
     }
 
-    /// Solves y L = `odd` row-wise: the matrix A L⁻¹ of the columns φ_i, its row `k` into `out`; axes
-    /// without points keep what `out` has there.
+    /// Solves y L = `odd` row-wise: writes row `k` of A L⁻¹ to `out`, A having the columns φ_i. Axes without points
+    /// keep their values in `out`.
     pub(super) fn regress(&self, k: usize, out: &mut [f64]) {
         let n = self.n;
         for j in (0..n).rev() {

@@ -1,15 +1,15 @@
-//! The starts of a bank where nobody tells the heading: all round, in even steps.
+//! The starts of a bank with an unobserved heading: all round, in even steps.
 
 use crate::state::{Attitude, Belief, Block, Kind, Layout, Manifold, StateRole};
 use core::f64::consts::{PI, TAU};
 use core::ops::Range;
 use nalgebra::{Matrix3, Vector3};
 
-/// A heading that a start may leave open: an attitude about the vertical, or an angle by itself.
+/// A heading that a start may leave open: the heading of an attitude, or a separate angle.
 struct Open {
     /// The block's axes in the tangent space.
     axes: Range<usize>,
-    /// The turn in these axes; of an attitude only the first three numbers count.
+    /// The turn in these axes; for an attitude only the first three numbers count.
     turn: Vector3<f64>,
     /// 1σ \[rad\].
     sigma: f64,
@@ -25,10 +25,10 @@ pub(super) fn is_angle(block: &Block) -> bool {
 }
 
 impl Open {
-    /// Of the block, if it is one.
+    /// The heading of the block, if it has one.
     fn of(block: &Block, belief: &Belief) -> Option<Self> {
         let turn = match block.kind {
-            // Down in body axes: a turn about it is one of the heading.
+            // Down in body axes: a turn about it changes the heading.
             Kind::Attitude if block.role == StateRole::Kinematic => {
                 Attitude::read(&belief.x[block.storage_range()]).inverse_transform_vector(&Vector3::z())
             }
@@ -45,7 +45,7 @@ impl Open {
         Some(Self { axes, turn, sigma })
     }
 
-    /// M: shrinks the turn to `to` times its σ, and leaves all that is at right angles to it.
+    /// M: shrinks the turn to `to` times its σ, and leaves everything at right angles to it.
     fn shrink(&self, p: &mut [f64], n: usize, to: f64) {
         let m = Matrix3::identity() - self.turn * self.turn.transpose() * (1.0 - to);
         let (at, size) = (self.axes.start, self.axes.len());
@@ -60,9 +60,9 @@ impl Open {
     }
 }
 
-/// The beliefs of a start that is tried with `starts` headings: `belief` turned all round in even steps,
-/// each with a σ of half a step, and ln of how probable the belief holds it. It is the attitude that is
-/// turned, or the first angle whose σ is more than half a step; none where there is neither.
+/// The beliefs of a start that is tried with `starts` headings: `belief` turned all round in even steps, each with a
+/// σ of half a step, and ln of its probability by the belief. The turned block is the attitude, or the first angle
+/// whose σ is more than half a step; `None` if there is neither.
 pub(super) fn headings(belief: &Belief, layout: &Layout, starts: usize) -> Option<Vec<(Belief, f64)>> {
     let step = TAU / starts as f64;
     if starts < 2 {

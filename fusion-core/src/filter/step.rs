@@ -1,4 +1,4 @@
-//! Steps as values: what a smoother, a ledger or a look at one update needs, without the filter.
+//! Steps as values, for smoothers, ledgers and reports on one update that work without the filter.
 
 use crate::linear::{BlockMatrix, Jacobian, Transition};
 use crate::state::Belief;
@@ -22,9 +22,8 @@ pub enum Step {
         /// After.
         posterior: Belief,
     },
-    /// A measurement corrected the belief: δ = K r, P⁺ = J (I − KH) P Jᵀ with the prior's P and
-    /// K = PHᵀS⁻¹. A rule that linearises elsewhere than at the prior gives H, r and J for which this
-    /// holds: smoothing relies on it.
+    /// A measurement corrected the belief: δ = K r, P⁺ = J (I − KH) P Jᵀ with the prior's P and K = PHᵀS⁻¹. A rule
+    /// that does not linearise at the prior gives H, r and J for which this holds: smoothing relies on it.
     Corrected {
         /// Before.
         prior: Belief,
@@ -32,7 +31,8 @@ pub enum Step {
         jacobian: Jacobian,
         /// R, m×m, row by row, with the robust weight in it.
         noise: Vec<f64>,
-        /// What δ is K times: r = z ⊟ h(x̂), for an iterated update r + H δ at its last linearisation.
+        /// The vector that K multiplies to give δ: r = z ⊟ h(x̂), or r + H δ at the last linearisation of an iterated
+        /// update.
         residual: Vec<f64>,
         /// S, m×m, row by row.
         innovation: Vec<f64>,

@@ -46,7 +46,7 @@ fn declare_as<M: Manifold>(
     .unwrap()
 }
 
-/// Nothing moves but what moves by itself.
+/// A process that moves nothing; only blocks with their own dynamics move.
 #[derive(Debug)]
 pub(crate) struct Still;
 
@@ -460,8 +460,8 @@ impl Measurement for Component {
 
 #[test]
 fn a_correction_that_leaves_a_negative_variance_is_refused() {
-    // The textbook form with a gain that is not the optimal one leaves what it leaves: here the
-    // form is asked through a rule that doubles the gain.
+    // With a gain that is not optimal, the textbook form may give a negative variance. The rule here doubles the
+    // gain.
     #[derive(Debug)]
     struct Eager;
     impl UpdateRule for Eager {
@@ -590,7 +590,7 @@ fn gauss_markov_of_60_s_keeps_0_98347_and_gains_0_032784_of_its_variance_in_a_se
     assert!((q - 0.032_784).abs() < 5e-7, "{q}");
 }
 
-/// What a pattern lists decides in which order numbers are summed up.
+/// The entries of a pattern decide the order in which numbers are summed.
 #[test]
 fn patterns_that_were_learnt_are_remembered() {
     let mut b = LayoutBuilder::new();
@@ -624,7 +624,7 @@ fn patterns_that_were_learnt_are_remembered() {
 
 #[test]
 fn a_million_random_steps_keep_the_covariance_symmetric_and_positive() {
-    // The standard form holds no such promise beyond what rounding happens to leave.
+    // The standard form guarantees this only up to rounding.
     for (form, steps) in [(FormKind::Joseph, 1_000_000), (FormKind::Standard, 10_000)] {
         let mut b = LayoutBuilder::new();
         let position = declare::<Scalar>(&mut b, "position", 0.0, &[100.0], Dynamics::Process);

@@ -1,26 +1,28 @@
 //! Which axes of the motion each sensor measures, and when each axis was last measured.
 //!
-//! | of a row of H | measures |
+//! | a row of H contains | it measures |
 //! |---|---|
-//! | the position has a share in it | these axes of the position |
-//! | no position, but the velocity | these axes of the velocity |
-//! | neither | the largest axes of the attitude, or of what else moves |
+//! | a share of the position | these axes of the position |
+//! | the velocity without the position | these axes of the velocity |
+//! | neither | the largest axes of the attitude, or of other motion |
 //!
-//! A share is |H_ij| σ_j, and one that is lost in the 1σ of the innovation is none: the rate of the Earth depends on the
-//! latitude, but nobody measures the position with gyros. Position and velocity along one axis are one: where either is measured, the motion along it is
-//! held. The attitude is held by what measures it, and through the motion by what measures position or velocity.
+//! A share is |H_ij| σ_j. A share far below the 1σ of the innovation does not count: the rate of the Earth depends on
+//! the latitude, but gyros do not measure the position. Position and velocity along one axis count as one: if either
+//! is measured, the motion along that axis is held. The attitude is held by sensors that measure it, and through the
+//! motion by sensors that measure position or velocity.
 
 use crate::linear::Jacobian;
 use crate::memory::{Memory, Tape};
 use crate::state::{Belief, Block, Dynamics, Kind, Layout, StateRole};
 use crate::time::Time;
 
-/// Of a row of H, a share below so much of the largest, or of the innovation's 1σ, is none: the curvature of the earth, a
-/// lever arm of no account. 1e-3 of the 1σ takes a million measurements to tell anything.
+/// In a row of H, a share does not count if it is below this fraction of the largest share, or of the innovation's
+/// 1σ. Examples are the curvature of the earth and a negligible lever arm. A share of 1e-3 of the 1σ needs a million
+/// measurements to give any information.
 const LEAST: f64 = 1e-3;
-/// Within a block, an axis with so much of the share of the largest is measured too.
+/// Within a block, an axis with this fraction of the largest share counts as measured too.
 const BESIDE: f64 = 0.1;
-/// As many axes as a set has room for; what moves comes first in a layout.
+/// The number of axes that a set has room for. The axes of the motion come first in a layout.
 const ROOM: usize = u64::BITS as usize;
 
 /// Axes of the tangent space.
@@ -34,7 +36,7 @@ impl Memory for Axes {
 }
 
 impl Axes {
-    /// What is not known to be none.
+    /// All axes: the value until the measured axes are known.
     pub(super) const ALL: Self = Self(u64::MAX);
 
     fn list(self) -> impl Iterator<Item = usize> {
@@ -47,7 +49,7 @@ impl Axes {
     }
 }
 
-/// When an axis was measured last, and how often the sensor that did so does it \[s\].
+/// When an axis was measured last, and the period of the sensor that measured it \[s\].
 #[derive(Clone, Copy, Debug, Default)]
 struct Latest {
     time: Option<Time>,
@@ -55,10 +57,10 @@ struct Latest {
 }
 crate::memory!(Latest { time, period });
 
-/// What an axis is.
+/// The kind of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sort {
-    /// Nothing that moves by itself.
+    /// Anything else than motion.
     Parameter,
     /// Along this axis.
     Position(usize),
@@ -72,10 +74,10 @@ pub(super) struct Aid {
     sorts: Vec<Sort>,
     /// 1σ of each axis, lately.
     sigma: Vec<f64>,
-    /// By any sensor, and by one from outside.
+    /// Measurements by any sensor, and by a sensor from outside.
     by_any: Vec<Latest>,
     by_outside: Vec<Latest>,
-    /// When any from outside was used.
+    /// When a sensor from outside was last used.
     outside: Option<Time>,
     start: Time,
 }
@@ -156,7 +158,7 @@ impl Aid {
         measured.fold(0, |set, axis| set | 1 << axis)
     }
 
-    /// A sensor that comes once in `period` seconds was used.
+    /// Notes that a sensor with the period `period` \[s\] was used.
     pub(super) fn used(&mut self, time: Time, axes: Axes, period: f64, is_outside: bool) {
         let latest = Latest { time: Some(time), period };
         for axis in axes.list().filter(|axis| *axis < self.sorts.len()) {
@@ -170,8 +172,8 @@ impl Aid {
         }
     }
 
-    /// Whether sensors from outside have held the motion along most of the directions in which `axes` tell of it since
-    /// `since`; where they do not tell of it, whether any has been used.
+    /// Whether sensors from outside have held the motion since `since`, along most of the directions that `axes`
+    /// contain. If `axes` contain no direction, whether any such sensor has been used.
     pub(super) fn holds(&self, axes: Axes, since: Time) -> bool {
         let is_later = |time: Option<Time>| time.is_some_and(|time| time >= since);
         let of = |along: usize| axes.list().any(|axis| self.is_along(axis, along));
@@ -181,14 +183,15 @@ impl Aid {
         is_later(self.outside) && 2 * held >= all
     }
 
-    /// Whether each of `axes` has been measured, by whatever sensor, within `time` \[s\].
+    /// Whether each of `axes` has been measured, by any sensor, within `time` \[s\].
     pub(super) fn measures(&self, axes: Axes, now: Time, time: f64) -> bool {
         let is_recent = |axis: usize| self.by_any[axis].time.is_some_and(|latest| now.seconds_since(latest) <= time);
         ![Axes(0), Axes::ALL].contains(&axes) && axes.list().all(is_recent)
     }
 
-    /// Whether neither position nor velocity has been measured along most directions for longer than `time` \[s\] and three
-    /// periods of what measured it last. Not so where nothing of the motion goes on by itself: the input measures it.
+    /// Whether position and velocity have not been measured along most directions for longer than `time` \[s\] and
+    /// three periods of the sensor that measured them last. False if no part of the motion continues by itself: then
+    /// the input measures it.
     pub(super) fn is_missing(&self, now: Time, time: f64) -> bool {
         const PERIODS: f64 = 3.0;
         if !self.sorts.iter().any(|sort| matches!(sort, Sort::Velocity(_))) {
@@ -209,12 +212,12 @@ impl Aid {
     }
 }
 
-/// What axis `k` of a block that moves is.
+/// The kind of axis `k` of a block that moves.
 fn sort(block: &Block, k: usize) -> Sort {
     match block.kind {
         Kind::Geodetic | Kind::Position => Sort::Position(k),
         Kind::Velocity => Sort::Velocity(k),
-        // What moves by itself is a velocity, in axes of its own.
+        // A vector with its own dynamics is a velocity, in separate axes.
         Kind::Vector(_) if block.dynamics != Dynamics::Process => Sort::Velocity(k),
         Kind::Attitude | Kind::Angle | Kind::Scalar | Kind::Vector(_) => Sort::Other,
     }

@@ -1,5 +1,5 @@
-//! Whether the belief itself is plausible: calibration near what was declared, parameters where
-//! they were before sensors contradicted the belief, σ above its floor.
+//! Whether the belief itself is plausible: calibration near its declared value, parameters unchanged while sensors
+//! contradict the belief, σ above its floor.
 
 use super::pulse::Held;
 use super::{Limits, Reason};
@@ -8,8 +8,8 @@ use crate::state::{Belief, Block, Dynamics, Kind, Layout, Past, StateRole, own_d
 use crate::time::Time;
 use std::sync::Arc;
 
-/// A parameter is right again once what is left of a pull is within so many of its σ: beside an error
-/// of its own of 1σ that makes 3σ.
+/// A parameter is right again once the rest of a pull is within this number of its σ. With a separate error of 1σ in
+/// addition, that makes 3σ.
 const LEFT: f64 = 2.0;
 
 /// Follows the blocks of the layout.
@@ -17,21 +17,21 @@ const LEFT: f64 = 2.0;
 pub(super) struct Blocks {
     layout: Arc<Layout>,
     start: Time,
-    /// State and variance at the start; a variance no smaller than the one declared.
+    /// State and variance at the start; a variance is at least the declared variance.
     initial: Vec<f64>,
     variance: Vec<f64>,
-    /// By axis: whether its 1σ was above the floor since the start. One that never was is declared to be known.
+    /// By axis: whether its 1σ was above the floor since the start. An axis that never was is declared to be known.
     was_above: Vec<bool>,
     /// By block.
     held: Vec<Held>,
     difference: Vec<f64>,
     past: Past,
-    /// By axis: what is left of a pull; 0 of what was not pulled, or is back.
+    /// By axis: the rest of a pull; 0 for an axis that was not pulled, or is back.
     left: Vec<f64>,
-    /// When that was so, and the variance of each axis then.
+    /// The time of these values, and the variance of each axis then.
     followed: Time,
     known: Vec<f64>,
-    /// By block: moved by many of the 1σ that it had, though no sensor contradicts the belief.
+    /// By block: whether it moved by many of the 1σ that it had, though no sensor contradicts the belief.
     jumped: Vec<Held>,
 }
 
@@ -85,7 +85,7 @@ impl Blocks {
         self.forget(belief);
     }
 
-    /// What parameters were before is forgotten: it was not known which of several beliefs is true.
+    /// Forgets the earlier values of parameters: it was not known which of several beliefs was true.
     pub(super) fn forget(&mut self, belief: &Belief) {
         self.past.start(belief);
         self.left.fill(0.0);
@@ -172,7 +172,8 @@ impl Blocks {
         });
     }
 
-    /// Whether a parameter is far from where it was, though nothing contradicts the belief: then it was wrong, or is.
+    /// Judges whether a parameter is far from its earlier value, though nothing contradicts the belief. The parameter
+    /// then was wrong, or is wrong now.
     fn look_back(&mut self, belief: &Belief, limits: &Limits) {
         let Self { past, jumped, .. } = self;
         past.moved(belief, |block, moved| {
@@ -182,7 +183,7 @@ impl Blocks {
         });
     }
 
-    /// Puts what is told at `now` into `reasons`.
+    /// Puts the reasons that are reported at `now` into `reasons`.
     pub(super) fn tell(&self, now: Time, limits: &Limits, reasons: &mut Vec<Reason>) {
         let told = self.held.iter().enumerate().filter(|(_, held)| held.is_told(now, limits));
         reasons.extend(told.map(|(block, _)| match self.layout.blocks()[block].role {
@@ -197,7 +198,7 @@ impl Blocks {
     }
 }
 
-/// Variance of what axis `k` of a block has wandered by itself in `elapsed` seconds.
+/// Variance of the random walk of axis `k` of a block in `elapsed` seconds.
 fn wandered(block: &Block, k: usize, elapsed: f64) -> f64 {
     match &block.dynamics {
         Dynamics::Process | Dynamics::Constant => 0.0,
@@ -206,7 +207,7 @@ fn wandered(block: &Block, k: usize, elapsed: f64) -> f64 {
     }
 }
 
-/// The least 1σ of a kinematic block; 0 of one that is neither position, velocity nor attitude.
+/// The least 1σ of a kinematic block; 0 for a block that is neither position, velocity nor attitude.
 fn floor(block: &Block, limits: &Limits) -> f64 {
     match block.kind {
         Kind::Geodetic | Kind::Position => limits.floor.position,

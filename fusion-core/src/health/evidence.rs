@@ -1,4 +1,4 @@
-//! What one sensor says for or against the belief.
+//! The evidence of one sensor for or against the belief.
 
 use super::aid::{Aid, Axes};
 use super::means::Means;
@@ -10,26 +10,26 @@ use crate::time::Time;
 
 /// The least number of measurements that innovations are averaged over.
 const WINDOW: f64 = 10.0;
-/// One measurement alone counts for at most so much of the limit: it takes three.
+/// One measurement alone counts for at most this fraction of the limit, so that three are needed.
 const SHARE: f64 = 1.0 / 2.5;
-/// The mean grows to so much of the limit and no further, so that good measurements bring it back
-/// within half of what it is averaged over.
+/// The mean grows to at most this multiple of the limit. Good measurements then bring it back within half of the
+/// averaging window.
 const MOST: f64 = 1.5;
 /// Rejections in a row that count.
 const STREAK: u32 = 3;
-/// Rejections in a row of each of two sensors that count: one of each comes by chance, at high rates.
+/// Rejections in a row of each of two sensors that count. A single rejection of each occurs by chance at high rates.
 const PAIR: u32 = 2;
 /// Measurements used after a re-acquisition before the sensor is trusted as before.
 const PROVEN: u32 = 5;
-/// A pause of so many periods ends a streak of rejections, and what innovations said is old.
+/// A pause of this number of periods ends a streak of rejections and makes innovations old.
 const PAUSE: f64 = 10.0;
-/// What a sensor measures is looked at no more often than this \[s\].
+/// The measured axes of a sensor are renewed no more often than this \[s\].
 const LOOK: f64 = 1.0;
-/// What a consistent filter would see: beyond it a rejected residual contradicts the estimate's σ.
+/// The probability of residuals that a consistent filter sees. A rejected residual beyond it contradicts the
+/// estimate's σ.
 const EXPECTED: f64 = 0.999;
 
-/// The mean NIS per residual row, forgetting exponentially, of which no single one has too much of
-/// a share.
+/// The mean NIS per residual row, forgetting exponentially. No single NIS has too large a share.
 #[derive(Clone, Copy, Debug)]
 struct Mean {
     value: f64,
@@ -48,7 +48,7 @@ impl Mean {
 
     fn add(&mut self, nis_per_row: f64, window: f64) {
         let most = self.limit * window * SHARE;
-        // `min` takes what is not a number for the most.
+        // `min` replaces NaN by the largest value.
         self.value += (nis_per_row.min(most) - self.value) / window;
         self.value = self.value.min(MOST * self.limit);
     }
@@ -67,16 +67,16 @@ struct Streak {
 }
 crate::memory!(Streak { first, latest, count });
 
-/// What the sensors from outside say together.
+/// The combined state of the sensors from outside.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Others<'a> {
     /// Which axes they have measured.
     pub(super) aid: &'a Aid,
     /// How many of them are being rejected,
     pub(super) rejected: usize,
-    /// and how many have been for so long that the filter may be lost.
+    /// and how many have been rejected for so long that the filter may be lost.
     pub(super) rejected_long: usize,
-    /// Whether the innovations of one of all sensors have a mean.
+    /// Whether the innovations of any sensor have a mean.
     pub(super) biased: bool,
 }
 
@@ -90,8 +90,8 @@ impl Streak {
 /// Follows one sensor.
 #[derive(Clone, Debug)]
 pub(super) struct Evidence {
-    /// Whether its rows come from outside: not from a stage, which may have reasons to be silent,
-    /// and whose rows are often no measurement.
+    /// Whether its rows come from outside. A stage may have reasons to be silent, and its rows are often no
+    /// measurements.
     pub(super) is_outside: bool,
     rows: f64,
     expected: f64,
@@ -100,19 +100,19 @@ pub(super) struct Evidence {
     lost: Mean,
     means: Means,
     streak: Option<Streak>,
-    /// When it was re-acquired, and how many have been used since.
+    /// When it was re-acquired, and how many measurements have been used since.
     reacquired: Option<(Time, u32)>,
-    /// The axes that it measures, all until that is known, and when they were looked at.
+    /// The axes that it measures (all of them until they are known), and when they were renewed.
     axes: Axes,
     looked: Option<Time>,
-    /// Whether others measured what it does when it was silent.
+    /// Whether other sensors measured its axes when it was silent.
     replaced: bool,
     held: [Held; 7],
 }
 crate::memory!(Evidence { pulse, degraded, lost, means, streak, reacquired, axes, looked, replaced, held; is_outside, rows, expected });
 
 impl Evidence {
-    /// Of a sensor; all sensors together have so many rows.
+    /// The evidence of one sensor; `rows` is the number of rows of all sensors together.
     pub(super) fn new(sensor: Watched, limits: &Limits, rows: usize) -> Self {
         Self {
             is_outside: sensor.is_outside,
@@ -141,7 +141,7 @@ impl Evidence {
         self.held = [Held::default(); 7];
     }
 
-    /// Whether it is from outside and being rejected for so long \[s\], or twice in a row.
+    /// Whether it is from outside and has been rejected for `time` \[s\] or twice in a row.
     pub(super) fn is_rejected(&self, now: Time, time: f64) -> bool {
         let pause = PAUSE * self.pulse.period();
         let is_fresh = |s: &Streak| pause <= 0.0 || now.seconds_since(s.latest) <= pause;
@@ -164,7 +164,7 @@ impl Evidence {
         self.pulse.period()
     }
 
-    /// Hears what became of a measurement.
+    /// Takes the outcome of a measurement.
     pub(super) fn hear(&mut self, time: Time, update: &Update<'_>, limits: &Limits, aid: &Aid) {
         self.pulse.beat(time);
         if let Some(h) = update.jacobian
@@ -176,7 +176,7 @@ impl Evidence {
             Verdict::Accepted => {
                 self.streak = None;
                 let period = self.pulse.period();
-                // Until the period is known the shortest window does.
+                // Until the period is known, the shortest window is used.
                 let window = if period > 0.0 { WINDOW.max(limits.window / period) } else { WINDOW };
                 self.degraded.add(update.nis / self.rows, window);
                 self.lost.add(update.nis / self.rows, window);
@@ -210,7 +210,7 @@ impl Evidence {
         streak.count = streak.count.saturating_add(1);
     }
 
-    /// Puts what is told at `now` of it, sensor number `sensor`, into `reasons`.
+    /// Puts the reasons that hold at `now` for this sensor, number `sensor`, into `reasons`.
     pub(super) fn judge(&mut self, sensor: usize, now: Time, others: Others<'_>, limits: &Limits, reasons: &mut Vec<Reason>) {
         let lasts = |time| self.streak.is_some_and(|s| s.lasts(time));
         let is_rejected = lasts(limits.rejected) || (others.rejected > 1 && self.is_rejected(now, 0.0));
@@ -222,17 +222,18 @@ impl Evidence {
         {
             self.reacquired = None;
         }
-        // What a stage's sensor said is old when the stage is silent; of one from outside only where it
-        // stands for less than a lost filter, which nothing has brought back meanwhile.
+        // When a stage is silent, its sensor's evidence is old. For a sensor from outside, evidence of a lost filter
+        // stays valid during a silence, because nothing has corrected the filter meanwhile.
         let is_fresh = self.pulse.is_fresh(now, limits.window, PAUSE);
         let stands = is_fresh || self.is_outside;
         let is_silent = self.is_outside && self.pulse.is_silent(now, limits);
-        // Told for a while after the silence too, as it was then: its own measurements replace none.
+        // The value at the silence is kept while the reason is still reported: the sensor's own later measurements
+        // are no replacement.
         if is_silent {
             self.replaced = others.aid.measures(self.axes, now, self.pulse.pause(limits));
         }
         let replaced = self.replaced;
-        // Where two contradict each other, the filter follows each of them in part.
+        // If two sensors contradict each other, the filter follows each of them in part.
         let is_biased = is_fresh && self.means.is_beyond(if others.biased { 0.5 } else { 1.0 });
         let conditions = [
             (self.lost.is_beyond() && stands, Reason::Innovations { sensor, lost: true }),
@@ -246,7 +247,7 @@ impl Evidence {
         let mut told = [false; 7];
         for (k, (held, (holds, _))) in self.held.iter_mut().zip(conditions).enumerate() {
             held.hear(now, holds);
-            // The graver of two that are of one kind is told.
+            // Of two reasons of the same kind, only the graver is reported.
             told[k] = held.is_told(now, limits) && !(matches!(k, 2 | 3) && told[k - 2]);
         }
         reasons.extend(

@@ -1,44 +1,47 @@
 //! Whether the innovations of a sensor have a mean, axis by axis: a sequential test.
 //!
-//! A mean of 1σ that lasts doubles the squares, which is far below any limit that spares single outliers. Of a hundred
-//! measurements it is ten of its own 1σ.
+//! A lasting mean of 1σ doubles the squares, which is far below any limit that spares single outliers. Over a hundred
+//! measurements the mean of z is ten times the 1σ of such a mean.
 //!
 //! Numbers   z = r_i / √S_ii of the measurements that were used, within ±6
-//! Noise     the sum of z grows as if each were independent with the variance v, the largest of two kinds: that of an
-//!           autoregression, max(1, c) (1 + ρ)/(1 − ρ), c the mean of z², ρ that of z_k z_k−1 over c, of the last
-//!           300; and of sums of 8, 16, 32 and 64 neighbours their mean square over their length, of the last 30.
-//!           Not learnt while the test has come half way
-//! Test      S ← max(0, S + z/√v − k), one such sum for each sign; k = ½, half-way between no mean and one of 1σ
-//! Limit     h, so that all sums of a filter without error pass theirs once in the declared time: of one sum the
-//!           mean number of measurements is 2 (exp b − b − 1), b = h + 1.166
-//! Lasts     a sum counts once it has been above zero for the window of the innovations: a vehicle that brakes harder
-//!           than its process expects is no sensor's mean
-//! Source    Batch means: Law & Kelton, Simulation modeling and analysis, section 9.5. Page 1954, Continuous inspection schemes; Siegmund 1985, Sequential analysis, section II.6
+//! Noise     the sum of z grows as if each z were independent with the variance v, the largest of five estimates.
+//!           One is an autoregression, max(1, c) (1 + ρ)/(1 − ρ), c the mean of z², ρ the mean of z_k z_k−1 over c,
+//!           of the last 300. Four use sums of 8, 16, 32 and 64 neighbours: the mean square of the last 30 sums over
+//!           their length. Not learnt while the test is above half its limit
+//! Test      S ← max(0, S + z/√v − k), one such sum for each sign; k = ½, half-way between no mean and a mean of 1σ
+//! Limit     h, so that all sums of a filter without error together pass their limits once in the declared time: for
+//!           one sum the mean number of measurements is 2 (exp b − b − 1), b = h + 1.166
+//! Lasts     a sum counts once it has been above zero for the window of the innovations: the error of a vehicle that
+//!           brakes harder than its process expects is not the mean of a sensor
+//! Source    Batch means: Law & Kelton, Simulation modeling and analysis, section 9.5. Page 1954, Continuous inspection
+//!           schemes; Siegmund 1985, Sequential analysis, section II.6
 
 use crate::filter::Update;
 
-/// Measurements that the noise is learnt from, and for how many the declared noise counts at the beginning.
+/// Measurements that the noise is learnt from, and the number of measurements as which the declared noise counts at
+/// first.
 const MEMORY: f64 = 300.0;
 const DECLARED: f64 = 30.0;
-/// Lengths of sums of neighbours; how many of them the variance is learnt from, and for how many the declared one counts.
+/// Lengths of sums of neighbours; the number of sums that the variance is learnt from; the number as which the
+/// declared variance counts.
 const BATCHES: [f64; 4] = [8.0, 16.0, 32.0, 64.0];
 const BATCH_MEMORY: f64 = 30.0;
 const BATCH_DECLARED: f64 = 4.0;
-/// Beyond it a measurement says no more of a mean.
+/// A larger measurement counts as this value.
 const MOST: f64 = 6.0;
-/// The largest correlation of neighbours that is believed: what is closer to one is an error that lasts.
+/// The largest correlation of neighbours that counts as noise. A correlation closer to one is a slow error.
 const CORRELATED: f64 = 0.95;
 /// k.
 const REFERENCE: f64 = 0.5;
-/// By how much a discrete sum goes beyond the limit on average, twice \[σ\].
+/// Twice the distance by which a discrete sum passes the limit on average \[σ\].
 const BEYOND: f64 = 1.166;
-/// A sum grows to so much of its limit and no further, so that good measurements bring it back.
+/// A sum grows to at most this multiple of its limit, so that good measurements bring it back.
 const TOP: f64 = 1.25;
 
 /// One axis.
 #[derive(Clone, Copy, Debug)]
 struct Axis {
-    /// The latest number; not a number before the first.
+    /// The latest number; NaN before the first.
     last: f64,
     square: f64,
     lagged: f64,
@@ -57,7 +60,7 @@ crate::memory!(Axis {
     down
 });
 
-/// The sum of so many neighbours, and what the sums before it were.
+/// The sum of a number of neighbours, and the statistics of the sums before it.
 #[derive(Clone, Copy, Debug)]
 struct Batch {
     sum: f64,
@@ -84,7 +87,7 @@ impl Default for Batch {
 }
 
 impl Batch {
-    /// Of sums of `most`; one that ends while nothing is learnt is left out.
+    /// Adds to sums of `most` numbers. A sum that ends while nothing is learnt is left out.
     fn add(&mut self, z: f64, most: f64, is_learnt: bool) {
         (self.sum, self.length) = (self.sum + z, self.length + 1.0);
         if self.length < most {
@@ -180,7 +183,7 @@ impl crate::memory::Memory for Means {
 }
 
 impl Means {
-    /// Of a sensor with so many rows, where one sum alone may pass its limit by chance once in `between` \[s\].
+    /// For a sensor with `rows` rows. One sum alone may pass its limit by chance once in `between` \[s\].
     pub(super) fn new(rows: usize, between: f64) -> Self {
         Self {
             axes: vec![Axis::default(); rows],
@@ -190,20 +193,20 @@ impl Means {
         }
     }
 
-    /// Nothing is known of it.
+    /// Forgets everything.
     pub(super) fn restart(&mut self) {
         self.axes.fill(Axis::default());
     }
 
-    /// What was said before is said no more; the noise stays as it is known.
+    /// Forgets the sums; the noise stays as it was learnt.
     pub(super) fn forget(&mut self) {
         for axis in &mut self.axes {
             (axis.up, axis.down) = (Sum::default(), Sum::default());
         }
     }
 
-    /// Hears a measurement that was used, of a sensor with one every `period` seconds, 0 where that is not yet known;
-    /// a mean has to last for `window` seconds.
+    /// Takes a measurement that was used, of a sensor with the period `period` \[s\], 0 if it is not yet known. A
+    /// mean has to last for `window` seconds.
     pub(super) fn add(&mut self, update: &Update<'_>, period: f64, window: f64) {
         self.least = window / period;
         self.limit = limit(self.between / period);
@@ -212,7 +215,7 @@ impl Means {
         }
     }
 
-    /// Whether a sum is beyond so much of its limit.
+    /// Whether a sum is beyond the fraction `share` of its limit.
     pub(super) fn is_beyond(&self, share: f64) -> bool {
         let limit = share * self.limit;
         let is_beyond = |sum: &Sum| sum.is_beyond(limit, self.least);
@@ -220,12 +223,12 @@ impl Means {
     }
 }
 
-/// The limit that a sum passes once in so many measurements on average; infinite where that is not finite.
+/// The limit that a sum passes once in this number of measurements on average; infinite if the number is not finite.
 fn limit(measurements: f64) -> f64 {
     if !measurements.is_finite() {
         return f64::INFINITY;
     }
-    // exp b = 1 + b + n/2: each step of the fixed point is ten times as near where n is some thousands.
+    // exp b = 1 + b + n/2: each step of the fixed point is ten times as near if n is some thousands.
     let half = 0.5 * measurements.max(2.0);
     let b = (0..4).fold(half.ln(), |b, _| (1.0 + b + half).ln());
     (b - BEYOND).max(1.0)
@@ -236,7 +239,7 @@ mod tests {
     use super::*;
     use crate::testing::Lcg;
 
-    /// Of white noise of 1σ and this correlation of neighbours.
+    /// Gaussian noise of 1σ with this correlation of neighbours.
     fn noise(seed: u64, rho: f64) -> impl FnMut() -> f64 {
         let (mut random, mut last) = (Lcg::new(seed), 0.0);
         move || {
@@ -245,7 +248,7 @@ mod tests {
         }
     }
 
-    /// After how many measurements of this mean a sum passes its limit, if within `most`.
+    /// The number of measurements with this mean until a sum passes its limit, if within `most`.
     fn passes(mean: f64, limit: f64, most: usize, mut noise: impl FnMut() -> f64) -> Option<usize> {
         let mut axis = Axis::default();
         (0..2000).for_each(|_| axis.add(noise(), f64::INFINITY));
@@ -258,8 +261,9 @@ mod tests {
 
     #[test]
     fn the_limit_is_that_of_the_declared_rate_of_false_alarms() {
-        // 400 alarms by chance of one sum of two: their mean has a 1σ of 5 %. The largest of five estimates of the
-        // variance is above the true one: alarms are rarer than declared, and less than four times as rare.
+        // The test counts 400 false alarms of two sums: their mean interval has a 1σ of 5 %. The largest of five
+        // estimates of the variance is above the true variance: alarms are rarer than declared, and less than four
+        // times as rare.
         let limit = limit(2000.0);
         let runs = 400;
         let mean = (0..runs)

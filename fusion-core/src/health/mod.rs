@@ -1,16 +1,15 @@
-//! Health: what a filter can say of itself without a reference.
+//! Health: the filter's own judgement of its estimate, without a reference.
 //!
-//! A [`Monitor`] hears the events of one filter and judges what it can be judged by: whether its
-//! sensors agree with it as well as its covariance says, whether its input and its sensors are
-//! there, whether its belief is sound and its calibration plausible. The [`Health`] is the worst of
-//! the [`Reason`]s that hold, and the runner tells every change as
+//! A [`Monitor`] hears the events of one filter. It judges whether its sensors agree with it as well as its
+//! covariance says, whether its input and its sensors are present, whether its belief is sound and its calibration
+//! plausible. The [`Health`] is the worst of the [`Reason`]s that hold, and the runner reports every change as
 //! [`Event::Health`](crate::runner::Event::Health).
 //!
-//! A monitor has bounded memory and allocates nothing once it has been made; a copy goes on bit for
-//! bit as the original would. It changes nothing in the filter.
+//! A monitor has bounded memory and allocates nothing once it has been made. A copy continues bit for bit as the
+//! original would. It changes nothing in the filter.
 //!
-//! Not here: whether the estimate is *right*. An error that no sensor contradicts is not seen: a
-//! slow common error, an axis that nothing observes.
+//! Not here: whether the estimate is *right*. An error that no sensor contradicts is not detected, such as a slow
+//! common error or an error along an unobserved axis.
 
 mod aid;
 mod blocks;
@@ -30,17 +29,17 @@ use crate::runner::StreamId;
 use crate::time::Time;
 use core::fmt;
 
-/// How far a filter can be believed. The later of two is the worse.
+/// How far a filter can be believed, from the best state to the worst.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum State {
-    /// Nothing speaks against the belief.
+    /// Nothing contradicts the belief.
     Good,
     /// It has not started, or its attitude is still too uncertain to be linearised about.
     #[default]
     Aligning,
     /// Its input is missing: the belief moves by what is declared of the vehicle.
     Coasting,
-    /// Something speaks against the belief, or it lacks a sensor.
+    /// Something contradicts the belief, or a sensor is missing.
     Degraded,
     /// The belief is to be discarded.
     Lost,
@@ -50,7 +49,7 @@ impl State {
     /// All, from the best to the worst.
     pub const ALL: [Self; 5] = [Self::Good, Self::Aligning, Self::Coasting, Self::Degraded, Self::Lost];
 
-    /// In a word.
+    /// The name of the state.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -86,7 +85,7 @@ pub enum Reason {
     Stopped,
     /// The filter was lost for too long and has given up: it waits for its initialisers.
     GaveUp,
-    /// A step of the estimator was refused, because it would not have been finite.
+    /// A step of the estimator was rejected, because its result would not have been finite.
     Refused,
     /// A number of the belief is not finite, or a variance is negative.
     Unsound,
@@ -101,15 +100,15 @@ pub enum Reason {
         /// Number of the block in the layout.
         block: usize,
     },
-    /// A parameter moved by more than its covariance explains while sensors contradicted the
-    /// estimate. It is told until the parameter is back, or what is left of the pull, with the weight
-    /// that newer measurements leave it, is within its 1σ.
+    /// A parameter moved by more than its covariance explains while sensors contradicted the estimate. The reason is
+    /// reported until the parameter is back. It also ends when the rest of the pull, with the weight that newer
+    /// measurements leave it, is within 2σ.
     Pulled {
         /// Number of the block in the layout.
         block: usize,
     },
     /// A parameter moved within a minute by many of the 1σ that it had, though no sensor contradicted the estimate:
-    /// what it was, or is, is wrong.
+    /// its earlier value or its present value is wrong.
     Jumped {
         /// Number of the block in the layout.
         block: usize,
@@ -118,21 +117,20 @@ pub enum Reason {
     Innovations {
         /// The sensor's number.
         sensor: usize,
-        /// So much larger that the estimate does not follow it at all.
+        /// Whether they are so large that the estimate does not follow the sensor at all.
         lost: bool,
     },
-    /// The innovations of a sensor that are used have a mean that chance does not explain: it and another one, or a
-    /// model, contradict each other.
+    /// The innovations of a sensor that are used have a mean that chance does not explain: the sensor contradicts
+    /// another sensor or a model.
     Biased {
         /// The sensor's number.
         sensor: usize,
     },
-    /// A sensor is being rejected, and the estimate's own σ does not grow to where the residuals
-    /// would be explained.
+    /// A sensor is being rejected, and the estimate's own σ does not grow enough to explain the residuals.
     Rejected {
         /// The sensor's number.
         sensor: usize,
-        /// For long, and meanwhile no other sensor has held the motion along most of its axes.
+        /// Whether that has lasted for long while no other sensor has held the motion along most of its axes.
         lost: bool,
     },
     /// A sensor was re-acquired against the estimate a short while ago.
@@ -140,18 +138,18 @@ pub enum Reason {
         /// The sensor's number.
         sensor: usize,
     },
-    /// A sensor has been silent for many of its own periods.
+    /// A sensor has been silent for many of its periods.
     Silent {
         /// The sensor's number.
         sensor: usize,
-        /// Others have measured each of its axes since: nothing is lacking.
+        /// Others have measured each of its axes since: no measurement is missing.
         replaced: bool,
     },
-    /// Nothing has measured position or velocity along most directions for long: the belief drifts.
+    /// Position and velocity have been unmeasured along most directions for long: the belief drifts.
     Unaided,
-    /// Attitudes or angles far from each other are still possible: what is shown is one of them.
+    /// Several attitudes or angles far from each other are still possible. The estimate shows one of them.
     Undecided,
-    /// A stream that stages read has been silent for many of its own periods.
+    /// A stream that stages read has been silent for many of its periods.
     StreamSilent {
         /// The stream.
         stream: StreamId,
@@ -221,12 +219,12 @@ impl Memory for Reason {
 }
 
 impl Reason {
-    /// Whether it is a sensor that contradicts the belief by single measurements; a mean of them pulls slowly.
+    /// Whether a sensor contradicts the belief by single measurements; a mean of innovations pulls slowly.
     pub(crate) const fn is_contradiction(&self) -> bool {
         matches!(self, Self::Innovations { .. } | Self::Rejected { .. } | Self::Reacquired { .. })
     }
 
-    /// The state that it stands for.
+    /// The state that this reason causes.
     #[must_use]
     pub const fn state(self) -> State {
         match self {
@@ -245,16 +243,16 @@ impl Reason {
 pub struct Health {
     /// The state.
     pub state: State,
-    /// Since when there is this state for these reasons.
+    /// The time since when this state has held for these reasons.
     pub since: Time,
-    /// All reasons that hold; of *good* none but sensors that others replace, of *aligning* besides whether several
-    /// attitudes are possible.
+    /// All reasons that hold. A *good* filter has only sensors that others replace; an *aligning* filter may also
+    /// have several possible attitudes.
     pub reasons: Vec<Reason>,
 }
 crate::memory!(Health { state, since, reasons });
 
 impl Health {
-    /// Before the first row.
+    /// The health before the first row.
     pub const UNKNOWN: Self = Self {
         state: State::Aligning,
         since: Time::MIN,

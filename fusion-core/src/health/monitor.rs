@@ -14,10 +14,10 @@ use crate::time::Time;
 /// Beliefs are looked at no more often than this \[s\].
 const PERIOD: f64 = 0.1;
 
-/// A stamp ahead of the input is told of for so long \[s\]: slow sensors have one a second or less.
+/// A stamp ahead of the input is reported for this time \[s\]: slow sensors send a stamp every second or less.
 const AHEAD: f64 = 10.0;
 
-/// What a monitor has to know of a sensor.
+/// The properties of a sensor that a monitor needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Watched {
     /// Numbers in its residual.
@@ -36,14 +36,14 @@ pub struct Monitor {
     streams: Vec<(StreamId, Pulse, Held)>,
     blocks: Blocks,
     phase: Phase,
-    /// How far apart the attitudes lie that may be true \[rad\].
+    /// The distance between the attitudes that may be true \[rad\].
     rivals: f64,
-    /// Whether they lay too far apart at the latest belief that was looked at.
+    /// Whether they were too far apart at the latest belief that was judged.
     was_undecided: bool,
-    /// The time of the latest judgement, and of the latest belief that was looked at.
+    /// The time of the latest judgement, and of the latest belief that was judged.
     now: Time,
     scrutinised: Time,
-    /// Where the input ends, while there is none.
+    /// The end of the input during a gap.
     gap: Option<Time>,
     /// The stream that was ahead of the input last, and when.
     ahead: Option<(StreamId, Time)>,
@@ -95,7 +95,7 @@ enum Phase {
 }
 
 impl Monitor {
-    /// Of a filter with these states and sensors; `streams` are those that only stages read.
+    /// A monitor for a filter with these states and sensors; `streams` are the streams that only stages read.
     #[must_use]
     pub fn new(
         limits: Limits,
@@ -107,7 +107,7 @@ impl Monitor {
         let rows = sensors.iter().map(|s| s.rows).sum();
         let sensors: Vec<_> = sensors.into_iter().map(|s| Evidence::new(s, &limits, rows)).collect();
         let streams: Vec<_> = streams.into_iter().map(|s| (s, Pulse::default(), Held::default())).collect();
-        // Each reason once at most: seven of a sensor, three of a block, seven of the filter.
+        // Each reason once at most: seven for a sensor, three for a block, seven for the filter.
         let most = 7 * sensors.len() + streams.len() + 3 * layout.blocks().len() + 7;
         Self {
             limits,
@@ -140,21 +140,21 @@ impl Monitor {
         &self.health
     }
 
-    /// Hears of a row that is fed, of any stream.
+    /// Hears of a row of any stream.
     pub fn row(&mut self, stream: StreamId, stamp: Time) {
         if let Some((_, pulse, _)) = self.streams.iter_mut().find(|(s, ..)| *s == stream) {
             pulse.beat(stamp);
         }
     }
 
-    /// Hears an event; whether the health has changed.
+    /// Hears an event. Returns whether the health has changed.
     pub fn hear(&mut self, event: &Event<'_>) -> bool {
         let now = match event {
             Event::Started { belief, rivals } => {
                 self.rivals = rivals.apart;
                 self.start(belief)
             }
-            // Estimates may be many: the rest of them changes nothing that matters so soon.
+            // Estimates may be frequent: the others change nothing important within this time.
             Event::Estimate { belief } if belief.time.seconds_since(self.scrutinised) < PERIOD => return false,
             Event::Estimate { belief } => self.estimate(belief),
             Event::Updated { sensor, update, time, .. } => {
@@ -178,7 +178,7 @@ impl Monitor {
                 *time
             }
             Event::Ahead { stream, .. } => {
-                // Rows may be held back: the judgement's time is that of what is used.
+                // Rows may be held back: the judgement has the time of the rows in use.
                 self.ahead = Some((*stream, self.now));
                 return false;
             }
@@ -213,7 +213,7 @@ impl Monitor {
 
     fn estimate(&mut self, belief: &Belief) -> Time {
         self.scrutinised = belief.time;
-        // Once aligned it may fall back by as much again, so that the state does not flicker.
+        // Once aligned, the filter may fall back by a factor of two, so that the state does not flicker.
         let allowed = self.limits.aligned * if self.phase == Phase::Aligned { 2.0 } else { 1.0 };
         let is_aligned = self.blocks.attitude_within(belief, allowed) && self.rivals <= allowed;
         self.phase = if is_aligned { Phase::Aligned } else { Phase::Aligning };
@@ -239,7 +239,7 @@ impl Monitor {
         }
     }
 
-    /// Collects the reasons; whether they, or the state, have changed.
+    /// Collects the reasons. Returns whether they, or the state, have changed.
     fn judge(&mut self, now: Time) -> bool {
         self.now = now;
         let (limits, reasons) = (&self.limits, &mut self.reasons);

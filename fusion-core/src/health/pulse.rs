@@ -1,12 +1,12 @@
-//! Whether something that comes again and again still comes.
+//! Whether a periodic event still occurs.
 
 use super::Limits;
 use crate::memory::{Memory, Tape};
 use crate::time::Time;
 
-/// Pauses beyond this many periods are not learnt in full: the sensor was away.
+/// Pauses beyond this number of periods are not learnt in full: the sensor was absent.
 const LONGEST: f64 = 4.0;
-/// Pauses that the period is a mean of.
+/// The number of pauses of which the period is the mean.
 const MEMORY: f64 = 16.0;
 
 /// Learns the period of a sensor.
@@ -18,7 +18,7 @@ pub(super) struct Pulse {
 crate::memory!(Pulse { last, period });
 
 impl Pulse {
-    /// One came.
+    /// Notes one event.
     pub(super) fn beat(&mut self, time: Time) {
         if let Some(last) = self.last {
             let pause = time.seconds_since(last);
@@ -34,12 +34,12 @@ impl Pulse {
         self.last = Some(time);
     }
 
-    /// The pause before `time` is not its own.
+    /// The pause before `time` is not caused by the sensor.
     pub(super) fn restart(&mut self, time: Time) {
         self.last = self.last.map(|_| time);
     }
 
-    /// Its mean period \[s\]; 0 until two have come.
+    /// Its mean period \[s\]; 0 until two events have come.
     pub(super) const fn period(&self) -> f64 {
         self.period
     }
@@ -50,21 +50,21 @@ impl Pulse {
         self.period > 0.0 && self.last.is_some_and(|last| now.seconds_since(last) > allowed)
     }
 
-    /// The longest pause that is no silence \[s\].
+    /// The longest pause that does not count as silence \[s\].
     pub(super) const fn pause(&self, limits: &Limits) -> f64 {
         limits.silent.max(limits.silent_periods * self.period)
     }
 }
 
 impl Pulse {
-    /// Whether one has come lately: within `time` \[s\], or `periods` of its own.
+    /// Whether an event has come lately: within `time` \[s\], or within this number of periods.
     pub(super) fn is_fresh(&self, now: Time, time: f64, periods: f64) -> bool {
         let lately = time.max(periods * self.period);
         self.last.is_some_and(|last| now.seconds_since(last) <= lately)
     }
 }
 
-/// A condition that is still told for a while after it has ceased.
+/// A condition that is still reported for a while after it has ceased.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Held(Option<Time>);
 
@@ -82,7 +82,7 @@ impl Held {
         }
     }
 
-    /// Whether it is told.
+    /// Whether the condition is reported.
     pub(super) fn is_told(&self, now: Time, limits: &Limits) -> bool {
         self.0.is_some_and(|last| now.seconds_since(last) <= limits.hold)
     }

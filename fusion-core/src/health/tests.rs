@@ -64,12 +64,12 @@ fn at(t: f64) -> Time {
     Time::from_seconds(t)
 }
 
-/// A filter that is aligned at 0 s, and what it is told.
+/// A filter that is aligned at 0 s, and its inputs.
 struct Bench {
     layout: Layout,
     monitor: Monitor,
     belief: Belief,
-    /// By sensor, where it is known.
+    /// By sensor, if it is known.
     jacobians: [Option<Jacobian>; 3],
     /// 1σ of the innovations of each row.
     innovation: f64,
@@ -77,7 +77,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// Where it is no matter whether the motion is measured.
+    /// A bench that ignores whether the motion is measured.
     fn new() -> Self {
         Self::with(Limits {
             unaided: f64::INFINITY,
@@ -156,7 +156,7 @@ impl Bench {
         h.reset(axes.len());
         for (row, axis) in axes.iter().enumerate() {
             h.add_element(row, *axis, 1.0);
-            // A lever arm's attitude: much of the row, but not what it measures.
+            // A lever arm gives the attitude a large share of the row, but the row does not measure it.
             if *axis >= 3 {
                 h.add_element(row, 0, 100.0);
             }

@@ -1,16 +1,15 @@
 //! Rows that are stamped ahead of the process input.
 //!
-//! Time goes on by the newest stamp of all. A sensor whose clock is ahead would so make every row of
-//! the input late, for good. So rows that are valid after the newest row of the input wait for it; of a
-//! measurement nothing could be made before anyway. Where the input is silent they would wait for
-//! ever: rows that go on for longer than one of its samples stands for, while no input comes, are not
-//! ahead, and the process coasts.
+//! The newest stamp of all streams sets the time. A sensor whose clock is ahead would thus make every row of the
+//! input late, permanently. So rows that are valid after the newest row of the input wait for it; they could not be
+//! used earlier anyway. Without input they would wait for ever. So if such rows span more time than one sample of the
+//! input covers, and no input comes, they do not count as ahead, and the process coasts.
 
 use super::StreamId;
 use super::rows::Row;
 use crate::time::Time;
 
-/// How far the input is, and who is ahead of it.
+/// How far the input is, and which rows are ahead of it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Ahead {
     /// The latest stamp of the input.
@@ -20,10 +19,10 @@ pub(super) struct Ahead {
 }
 crate::memory!(Ahead { input, since });
 
-/// Rows of any stream, one after the other.
+/// Successive rows of any stream.
 #[derive(Clone, Copy, Debug, Default)]
 struct Stretch {
-    /// The stream of the first.
+    /// The stream of the first row.
     stream: StreamId,
     first: Time,
     latest: Time,
@@ -31,8 +30,8 @@ struct Stretch {
 crate::memory!(Stretch { stream, first, latest });
 
 impl Ahead {
-    /// Takes a row of the input, of which a sample stands for no more than `longest` \[ns\]. If it shows
-    /// that a row before it was further ahead than that: the stream of the row, and by how much \[s\].
+    /// Takes a row of the input, whose samples each cover at most `longest` \[ns\]. If it shows that an earlier row
+    /// was further ahead than that, returns the stream of that row and the difference \[s\].
     pub(super) fn input(&mut self, row: &Row<'_>, longest: i64) -> Option<(StreamId, f64)> {
         if self.input.is_some_and(|latest| row.time <= latest) {
             return None;

@@ -1,13 +1,13 @@
-//! Going on without input.
+//! Continuing without input.
 //!
-//! One sample stands for a limited time. Where the next one is later, the process *coasts* through
-//! the gap in steps of that length: it goes on as the vehicle most likely does, with what the vehicle
-//! may have done as process noise. Measurements in the gap are used at their own times, and stages
-//! that listen to the input hear of every step, so that constraints go on. A gap that is too long to
-//! be coasted through stops the filter; its initialisers start it again.
+//! One sample covers a limited time. If the next sample is later, the process *coasts* through the gap in steps of
+//! that length. It continues as the vehicle most likely does, and adds possible manoeuvres of the vehicle as process
+//! noise. Measurements in the gap are used at their own times, and stages that listen to the input hear of every
+//! step, so that constraints continue. A gap that is too long for coasting stops the filter; its initialisers start
+//! it again.
 //!
-//! Steps lie on a grid that begins at the latest sample, and a step is taken as soon as a row is
-//! processed that is valid later. So what is done in a gap does not depend on the order of arrival.
+//! Steps are on a grid that begins at the latest sample. A step is taken as soon as a row that is valid later is
+//! processed. So the steps in a gap do not depend on the order of arrival.
 
 use super::ordering::Runner;
 use super::parts::Emitter;
@@ -17,10 +17,9 @@ use crate::state::Belief;
 use crate::time::Time;
 
 impl Runner {
-    /// What will be believed at `to` if no row comes: rows that are held back are used, the rest of the
-    /// time is predicted or coasted through. None where the filter has not started, or would have
-    /// stopped by then. The runner goes on as if nobody had asked. A belief that is later than `to` is
-    /// given as it is.
+    /// The belief at `to` if no row comes: rows that are held back are used, and the rest of the time is predicted or
+    /// coasted through. `None` if the filter has not started, or would have stopped by then. The runner itself does
+    /// not change. A belief that is later than `to` is returned as it is.
     pub fn predicted(&mut self, to: Time) -> Option<Belief> {
         self.newest_mut().ahead(|ahead| ahead.go_to(to))
     }
@@ -41,7 +40,7 @@ impl Runner {
         Some(self.belief().clone())
     }
 
-    /// Takes the next step through a gap of the input, if it ends before `until`; whether it did.
+    /// Takes the next step through a gap of the input, if it ends before `until`. Returns whether it did.
     pub(super) fn coast_before(&mut self, until: Time, observer: &mut dyn Observer) -> Result<bool, Halt> {
         let Some(input) = self.input.as_ref().filter(|_| self.started) else {
             return Ok(false);
@@ -65,7 +64,7 @@ impl Runner {
         Ok(true)
     }
 
-    /// One step through a gap, the measurements in it served.
+    /// One step through a gap, including the measurements in it.
     fn coast_step(&mut self, to: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.coast_to(to, observer)?;
         let Some(since) = self.input.as_ref().and_then(|input| input.end()) else {
@@ -77,7 +76,7 @@ impl Runner {
 
     /// Moves the estimate to `to` without input and serves the measurements on the way.
     pub(super) fn coast_to(&mut self, to: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
-        // What the preparation held back for a neighbour has none.
+        // A sample that the preparation held back for a neighbour will get none.
         if let Some(input) = &mut self.input {
             input.finish();
             input.coast(to);
@@ -114,7 +113,7 @@ impl Runner {
         self.tell_steps(observer)
     }
 
-    /// Tells the stages on the input's stream that it is silent up to `time`.
+    /// Notifies the stages on the input's stream that it is silent up to `time`.
     fn tell_stages(&mut self, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         let Some(stream) = self.input.as_ref().map(|input| input.port.stream) else {
             return Ok(());
@@ -133,7 +132,7 @@ impl Runner {
         Ok(())
     }
 
-    /// Ends a gap that began at `since`: the row at hand covers `start` to `time`.
+    /// Ends a gap that began at `since`: the present row covers `start` to `time`.
     pub(super) fn resume(&mut self, since: Time, start: Time, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         let values = core::mem::take(&mut self.value);
         self.expectation.forget();
@@ -149,7 +148,7 @@ impl Runner {
         self.run_ready(observer)
     }
 
-    /// Where a silence before `time` was longer than any within a recording, another one begins.
+    /// Begins another recording if the silence before `time` was longer than any within a recording.
     pub(super) fn begin_recording(&mut self, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         let end = |silence| self.estimator.belief().time.shifted(silence);
         if self.started && !self.is_driven() && self.longest_silence.is_some_and(|silence| time > end(silence)) {
@@ -159,7 +158,7 @@ impl Runner {
         Ok(())
     }
 
-    /// The initialisers begin anew; what is known of the calibration is kept for them.
+    /// The initialisers begin anew; the known calibration is kept for them.
     pub(super) fn begin_again(&mut self) {
         self.started = false;
         self.realign.forget();

@@ -1,4 +1,4 @@
-//! What the runner tells: typed events, to observers that are independent of each other.
+//! The runner's reports: typed events, to observers that are independent of each other.
 
 use crate::filter::{FilterError, Rivals, Step, Update};
 use crate::health::{Health, State};
@@ -14,16 +14,16 @@ pub type Halt = Box<dyn core::error::Error + Send + Sync>;
 pub struct RowId {
     /// The stream.
     pub stream: StreamId,
-    /// Its number within the stream's source: what [`Row::number`](super::Row::number) said. Rows
-    /// that a stage emits are counted from 0.
+    /// Its number within the stream's source, from [`Row::number`](super::Row::number). Rows that a stage emits are
+    /// counted from 0.
     pub number: u64,
     /// Its stamp.
     pub stamp: Time,
-    /// The latest stamp of any stream that had been fed when the row was, its own included: the
-    /// instant of the log at which the row was there.
+    /// The latest stamp of all streams when the row was fed, including its own stamp: the instant of the log at which
+    /// the row was present.
     pub arrival: Time,
-    /// Whether a declared fault changed a number that the consumer reads, or, of a row that a
-    /// stage emitted, any number of the row that made it emit.
+    /// Whether a declared fault changed a number that the consumer reads. For a row that a stage emitted: whether a
+    /// fault changed any number of the row that caused it.
     pub disturbed: bool,
 }
 crate::memory!(RowId {
@@ -45,14 +45,14 @@ pub enum Discard {
     },
     /// It held a number that is not finite.
     NotFinite,
-    /// It is not later than what started the filter, or the filter has not started.
+    /// It is not later than the row that started the filter, or the filter has not started.
     BeforeStart,
     /// A number lies outside what its instrument can measure.
     OutOfRange {
         /// Which of the consumer's numbers.
         column: usize,
     },
-    /// The instrument repeats one sample for longer than it ever did.
+    /// The instrument has repeated one sample for longer than ever before.
     Frozen,
     /// A number differs from its neighbours by more than the vehicle can change.
     Spike {
@@ -66,7 +66,7 @@ pub enum Discard {
     },
 }
 
-/// What the runner reports to its observers.
+/// An event that the runner reports to its observers.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Event<'a> {
@@ -85,9 +85,9 @@ pub enum Event<'a> {
         /// The belief, valid at the epoch.
         belief: &'a Belief,
     },
-    /// The newest estimate, after every row that is there by now: what the vehicle has at this moment. Only
-    /// told where rows are used as they arrive ([`Runner::rewind`](super::Runner::rewind)); rows that come
-    /// later may still change it, and [`Event::Estimate`] then tells what has become of it. Once per epoch.
+    /// The newest estimate, after every row that is present by now: the vehicle's estimate at this moment. It is only
+    /// reported if rows are used as they arrive ([`Runner::rewind`](super::Runner::rewind)). Later rows may still
+    /// change it; [`Event::Estimate`] then reports the final estimate. Once per epoch.
     Current {
         /// The belief, valid at the epoch.
         belief: &'a Belief,
@@ -96,7 +96,7 @@ pub enum Event<'a> {
     Updated {
         /// The sensor's number.
         sensor: usize,
-        /// The measurement, and what became of it.
+        /// The measurement, and its outcome.
         update: Update<'a>,
         /// Time of validity.
         time: Time,
@@ -114,8 +114,7 @@ pub enum Event<'a> {
         /// Which of its inputs the row was read at.
         input: usize,
     },
-    /// A row was not used by one of its consumers. Rows that the process or a stage takes have no
-    /// event of their own.
+    /// A row was not used by one of its consumers. There is no event for a row that the process or a stage uses.
     Discarded {
         /// The consumer's name.
         consumer: &'a str,
@@ -128,8 +127,8 @@ pub enum Event<'a> {
         /// Why.
         why: Discard,
     },
-    /// A row that came before is stamped ahead of the input, which is there by now: its clock is wrong, or
-    /// the input's. It waited, and is used when the input gets there.
+    /// An earlier row is stamped ahead of the input, which has arrived by now: its clock is wrong, or the input's
+    /// clock. The row waited, and is used when the input reaches its time.
     Ahead {
         /// The stream of the row.
         stream: StreamId,
@@ -138,8 +137,8 @@ pub enum Event<'a> {
         /// The newest stamp of the input.
         time: Time,
     },
-    /// There has been no usable input since `since`: the belief was moved to `time` without it, the
-    /// vehicle's agility being the process noise.
+    /// There has been no usable input since `since`: the belief was moved to `time` without it, with
+    /// the agility of the vehicle as process noise.
     Coasting {
         /// Where the latest input ends.
         since: Time,
@@ -169,21 +168,21 @@ pub enum Event<'a> {
         /// When it gave up.
         time: Time,
     },
-    /// The estimator could not go on; the belief is the last sound one.
+    /// The estimator could not continue; the belief is the last sound one.
     Failed {
         /// Why.
         error: FilterError,
     },
     /// The filter's health has changed: its state, or the reasons for it.
     Health {
-        /// What it is now.
+        /// The present health.
         health: &'a Health,
     },
     /// An event of a filter inside a stage.
     Nested {
         /// The stage's name.
         stage: &'a str,
-        /// The event of the filter inside; its sensors and streams have numbers of their own.
+        /// The event of the filter inside. Its sensors and streams are numbered separately.
         event: &'a Event<'a>,
     },
 }
@@ -201,7 +200,7 @@ pub trait Observer {
         false
     }
 
-    /// The state of the filter's health, where it is known: a runner asks its own watch.
+    /// The state of the filter's health, if it is known: a runner asks its own watch.
     fn health(&self) -> Option<State> {
         None
     }
@@ -219,7 +218,7 @@ impl<F: FnMut(&Event<'_>)> Observer for F {
 pub struct Observers<'a>(Vec<&'a mut dyn Observer>);
 
 impl<'a> Observers<'a> {
-    /// Adds one.
+    /// Adds an observer.
     pub fn add(&mut self, observer: &'a mut dyn Observer) {
         self.0.push(observer);
     }

@@ -1,10 +1,10 @@
-//! The sample in force, as the samples before it predict it: without its own noise.
+//! The current sample, as the samples before it predict it: without its own noise.
 //!
 //! Expected   x̂_{k+1} = x̂_k + α (x_k − x̂_k) for each rate x. The α with the least mean of (x_k − x̂_k)² so far is used
 //! Limits     without noise α = 1, the sample before; noise that hides the motion is averaged over up to 2/α samples
 //! Valid      white noise. A part remains of noise that is correlated over several samples
-//! Source     Muth 1960, Optimal properties of exponentially weighted forecasts, J. Am. Stat. Assoc. 55(290): such a
-//!            forecast is the best one of a random walk under white noise. The choice of α by its errors: Brown 1963,
+//! Source     Muth 1960, Optimal properties of exponentially weighted forecasts, J. Am. Stat. Assoc. 55(290): the
+//!            forecast is optimal for a random walk under white noise. The choice of α by its errors: Brown 1963,
 //!            Smoothing, forecasting and prediction of discrete time series
 
 use super::Runner;
@@ -13,13 +13,13 @@ use crate::model::Input;
 use crate::time::Time;
 use core::ops::Range;
 
-/// The values of α. Where the best α is between two of them, the mean square is above the least: by 4 % at ⅛, by 14 %
+/// The values of α. If the best α is between two of them, the mean square is above the least: by 4 % at ⅛, by 14 %
 /// at ½ (random walk under white noise).
 const WEIGHTS: [f64; 4] = [1.0, 0.25, 0.0625, 0.015625];
 /// Samples over which errors are averaged: twice the 2/α of the smallest α.
 const MEMORY: f64 = 256.0;
 
-/// One rate of the input: what each α expects of the next sample, and the mean square of its errors.
+/// One rate of the input: the next sample that each α expects, and the mean square of its errors.
 #[derive(Clone, Copy, Debug, Default)]
 struct Rate {
     expected: [f64; WEIGHTS.len()],
@@ -35,7 +35,7 @@ impl Rate {
         }
     }
 
-    /// What is expected of the next sample.
+    /// The expected next sample.
     fn best(&self) -> f64 {
         let mut best = 0;
         for k in 1..WEIGHTS.len() {
@@ -60,11 +60,11 @@ impl Rate {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Expectation {
     rates: Vec<Rate>,
-    /// Samples taken, up to what is averaged over.
+    /// The number of samples taken, up to the averaging length.
     count: f64,
-    /// Where the latest one ends.
+    /// The end of the latest sample.
     end: Time,
-    /// The sample in force, its rates as they were expected.
+    /// The current sample, with the expected values of its rates.
     sample: Vec<f64>,
     interval: f64,
 }
@@ -78,7 +78,7 @@ crate::memory!(Expectation {
 });
 
 impl Expectation {
-    /// Takes the sample that comes into force, and keeps what was expected of its `rates`.
+    /// Takes the new current sample, and keeps the expected values of its `rates`.
     fn take(&mut self, end: Time, input: &Input<'_>, rates: &Range<usize>) {
         if self.count > 0.0 && end <= self.end {
             return;
@@ -102,14 +102,14 @@ impl Expectation {
         }
     }
 
-    /// A gap: what came before it lets expect nothing.
+    /// Forgets the past: samples before a gap predict nothing after it.
     pub(super) fn forget(&mut self) {
         self.rates.clear();
         self.count = 0.0;
     }
 
-    /// The sample that is expected after the one in force; none before the second. For the beginning of a gap: the
-    /// sample in force is no longer known as it was expected.
+    /// The expected sample after the current one; `None` before the second sample. It overwrites the expectation of
+    /// the current sample, so it is for the beginning of a gap.
     pub(super) fn next(&mut self, rates: &Range<usize>) -> Option<Input<'_>> {
         if self.count <= 1.0 {
             return None;
@@ -120,7 +120,7 @@ impl Expectation {
         Some(Input::held(&self.sample))
     }
 
-    /// The sample in force as it was expected; none before the second.
+    /// The current sample as it was expected; `None` before the second sample.
     pub(super) fn input(&self) -> Option<Input<'_>> {
         (self.count > 1.0).then_some(Input {
             sample: &self.sample,
@@ -130,7 +130,7 @@ impl Expectation {
 }
 
 impl Runner {
-    /// Notes that a sample comes into force.
+    /// Notes a new current sample.
     pub(super) fn expect(&mut self, sample: &Sample) {
         self.expectation.take(sample.end, &sample.input(), &self.process.rates());
     }
@@ -141,7 +141,7 @@ mod tests {
     use super::*;
     use crate::testing::Lcg;
 
-    /// Takes `samples`, 10 ms each; every sample with what was expected of it, after the first `from`.
+    /// Takes `samples`, 10 ms each. Returns every sample after the first `from` with its expected value.
     fn expected(samples: impl Iterator<Item = f64>, from: usize) -> Vec<(f64, f64)> {
         let mut expectation = Expectation::default();
         let mut pairs = Vec::new();
@@ -171,7 +171,7 @@ mod tests {
         let mut random = Lcg::new(3);
         let pairs = expected((0..20_000).map(|_| 1.0 + 0.1 * random.normal()), 1000);
         let error = mean_square(pairs.iter().map(|(_, e)| e - 1.0)).sqrt();
-        // √(α/(2 − α)) of the noise is 0.0089 with the smallest α; at times the next one is taken.
+        // √(α/(2 − α)) of the noise is 0.0089 with the smallest α; at times the next larger α is used.
         assert!(error < 0.013, "{error}");
         let correlation = pairs.iter().map(|(x, e)| (x - 1.0) * (e - 1.0)).sum::<f64>() / pairs.len() as f64;
         // 4σ of a mean of 19000 products of independent numbers.
@@ -202,7 +202,7 @@ mod tests {
             mean_square(errors.skip(1000))
         };
         let best = (1..20).map(|k| fixed(0.05 * f64::from(k))).fold(f64::INFINITY, f64::min);
-        // 4 % between two weights, and as much again for a choice by 256 samples.
+        // 4 % between two weights, and another 4 % for a choice by 256 samples.
         assert!(own < 1.1 * best, "{own} {best}");
     }
 

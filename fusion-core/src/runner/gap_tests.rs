@@ -38,7 +38,7 @@ impl Process for Agile {
         sample[0] = 0.0;
         self.0.propagate(x, &Input::held(&[0.0]), dt);
         out.set(self.0.position, self.0.velocity, &Matrix1::new(dt));
-        // Of the velocity, 1 m²/s³; no more than 4 m²/s².
+        // Noise of the velocity: 1 m²/s³, up to 4 m²/s².
         out.noise_up_to(self.0.velocity, &nalgebra::Vector1::new(dt), &nalgebra::Vector1::new(4.0));
         true
     }
@@ -129,7 +129,7 @@ fn feed_from(first: usize, runner: &mut Runner, rows: &[(StreamId, Time, f64)], 
 fn text(event: &Event<'_>) -> String {
     match event {
         Event::Estimate { belief } => format!("Estimate {} {:?} {:?}", belief.time, belief.x, belief.covariance.to_dense()),
-        // The arrival is what may differ.
+        // Only the arrival may differ.
         Event::Updated { update, time, row, .. } => format!("Updated {time} {:?} {}", update.residual, row.number),
         Event::Discarded {
             consumer, time, row, why, ..
@@ -160,7 +160,7 @@ fn only_input(rows: Rows) -> Rows {
 
 #[test]
 fn through_a_gap_the_velocity_stays_and_its_uncertainty_grows_as_the_vehicle_is_agile() {
-    // Samples up to 1 s, then from 1.5 s on: the first of them stands for 10 ms.
+    // Samples up to 1 s, then from 1.5 s on: the first of these covers 10 ms.
     let belief = belief_after(&only_input(rows(152, 101..150)));
     let (v, p) = (1.0 + 0.02, 0.5 + 0.49 + 0.5 * 0.02 * 0.02 + 0.02);
     // 1e-12: rounding of 150 steps.
@@ -176,10 +176,10 @@ fn through_a_gap_the_velocity_stays_and_its_uncertainty_grows_as_the_vehicle_is_
 
 #[test]
 fn a_sample_stands_for_up_to_ten_intervals() {
-    // Nine samples are missing, 100 ms: the next one stands for all of it.
+    // Nine samples are missing, 100 ms: the next sample covers all of it.
     let belief = belief_after(&only_input(rows(120, 101..110)));
     assert!((belief.x[1] - 1.19).abs() < 1e-12, "{:?}", belief.x);
-    // Ten are missing: it stands for 10 ms.
+    // Ten are missing: the next sample covers 10 ms.
     let belief = belief_after(&only_input(rows(120, 101..111)));
     assert!((belief.x[1] - 1.09).abs() < 1e-12, "{:?}", belief.x);
 }
@@ -531,7 +531,7 @@ fn a_sensor_whose_stamps_are_ahead_waits_for_the_input_and_does_not_starve_it() 
     };
     feed(&mut unit, &disordered, &mut observer);
     unit.finish(&mut observer).unwrap();
-    // What is done is what is done of rows that come in the order of their stamps.
+    // The result must be that of rows that come in the order of their stamps.
     let mut wanted = Vec::new();
     let mut observer = |event: &Event<'_>| wanted.push(text(event));
     let mut sorted = runner(0.0);
@@ -549,7 +549,7 @@ fn a_sensor_whose_stamps_are_ahead_waits_for_the_input_and_does_not_starve_it() 
     let differs = held.iter().zip(&wanted).find(|(a, b)| a != b);
     assert!(held.len() == wanted.len() && differs.is_none(), "{differs:?}");
     assert!(told.iter().all(|e| !e.starts_with("Discarded position") && !e.contains("Late")));
-    // Each of 35 rows is told when the next input shows it: that is 6 ms later.
+    // Each of 35 rows is reported when the next input shows that it is ahead: that is 6 ms later.
     assert_eq!(ahead.len(), 35);
     assert!(
         ahead.iter().all(|&(stream, by)| stream == 1 && (by - 0.994).abs() < 1e-9),

@@ -1,12 +1,12 @@
-//! What may pass for input: numbers that the instrument can measure and the vehicle can follow.
+//! The check of the input: numbers that the instrument can measure and the vehicle can follow.
 //!
-//! Range   |x_c| above what the instrument measures is refused
+//! Range   |x_c| above the range of the instrument is rejected
 //! Spike   |x_c − p_c| > l_c is suspect, l_c = max(a_c, 20 s_c): p is the sample before, a the agility that
 //!         the process declares, s the mean size of the changes between samples. A suspect waits for at
-//!         most two samples. Where one of them is nearer to p than half the jump, the suspects before it
-//!         were spikes; else all are used. Only of samples that come at 20 Hz at least
-//! Scale   s takes every change, refused ones included, each up to l_c: what the stream often does is
-//!         soon not suspect
+//!         most two samples. If one of them is nearer to p than half the jump, the suspects before it
+//!         were spikes; otherwise all are used. Only for samples that come at 20 Hz at least
+//! Scale   s includes every change, also rejected ones, each up to l_c: frequent changes of the stream soon
+//!         stop being suspect
 //! Frozen  all numbers are those of the sample before, more than ten times in a row, on a stream that
 //!         repeats itself rarely
 
@@ -20,29 +20,29 @@ const UNUSUAL: f64 = 20.0;
 const MEMORY: f64 = 64.0;
 /// Changes that have to be known before any is suspect.
 const LEAST: f64 = 8.0;
-/// Samples from which is known how often the stream repeats itself.
+/// The number of samples after which it is known how often the stream repeats itself.
 const REPEATS_KNOWN: u32 = 256;
-/// Of so many samples a stream that repeats itself rarely does so at most this often.
+/// In that number of samples, a stream that repeats itself rarely does so at most this often.
 const FEW_REPEATS: u32 = 16;
 /// Repetitions in a row after which an instrument is frozen.
 const FROZEN: u32 = 10;
 /// Samples that are usually further apart than this prove nothing about each other: a vehicle may have
 /// changed its motion in between \[ns\].
 const SLOWEST: i64 = 50_000_000;
-/// Samples that wait at most; if the next one does not return either, they are believed.
+/// Samples that wait at most; if the next sample does not return either, they are believed.
 const MOST_SUSPECTS: usize = 2;
 
-/// What the numbers of an input sample may be.
+/// The limits of the numbers of an input sample.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Guard {
-    /// The largest magnitude per number; empty where nothing is declared.
+    /// The largest magnitude per number; empty if nothing is declared.
     pub(super) range: Vec<f64>,
     /// The latest sample that passed.
     passed: Vec<f64>,
     /// Mean size of the changes, per number, and how many there were.
     change: Vec<f64>,
     changes: f64,
-    /// The number that makes the first of those that wait suspect, and by how much it changed.
+    /// The number that makes the first waiting sample suspect, and the size of its change.
     column: usize,
     jump: f64,
     /// The first samples, up to [`REPEATS_KNOWN`], and how many of them repeated the one before.
@@ -53,21 +53,21 @@ pub(super) struct Guard {
 }
 crate::memory!(Guard { passed, change, changes, column, jump, first, first_repeats, repeats; range });
 
-/// What becomes of a sample, or of those that wait.
+/// The decision about a sample, or about the waiting samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Judged {
     /// It passes.
     Passes,
-    /// It waits for the next one.
+    /// It waits for the next sample.
     Waits,
-    /// Those that wait pass; it is to be judged again.
+    /// The waiting samples pass; this sample is to be judged again.
     Confirms,
-    /// Those that wait were spikes; it is to be judged again.
+    /// The waiting samples were spikes; this sample is to be judged again.
     Refutes,
 }
 
 impl Guard {
-    /// Refuses a sample that the instrument cannot have measured.
+    /// Rejects a sample that the instrument cannot have measured.
     pub(super) fn admit(&mut self, sample: &[f64]) -> Result<(), Discard> {
         let too_large = sample.iter().zip(&self.range).position(|(x, limit)| x.abs() > *limit);
         match too_large {
@@ -77,7 +77,7 @@ impl Guard {
         }
     }
 
-    /// Judges a sample of finite numbers while so many are `waiting`, of a stream with one every `interval`
+    /// Judges a sample of finite numbers while `waiting` samples wait, of a stream with one sample every `interval`
     /// nanoseconds.
     pub(super) fn judge(&mut self, sample: &[f64], waiting: usize, interval: i64, process: &dyn Process) -> Judged {
         if waiting == 0 {
@@ -92,18 +92,18 @@ impl Guard {
         Judged::Waits
     }
 
-    /// Why those that wait do.
+    /// The reason why samples wait.
     pub(super) const fn suspicion(&self) -> Discard {
         Discard::Spike { column: self.column }
     }
 
-    /// By how much number `c` changes.
+    /// The change of number `c`.
     fn change(&self, sample: &[f64], c: usize) -> f64 {
         let pair = sample.get(c).zip(self.passed.get(c));
         pair.map_or(0.0, |(x, p)| (x - p).abs())
     }
 
-    /// Whether the instrument gives one sample again and again, which it did not use to.
+    /// Whether the instrument repeats one sample, which it did rarely before.
     fn is_frozen(&mut self, sample: &[f64]) -> bool {
         let is_repeated = sample == self.passed;
         self.repeats = if is_repeated { self.repeats.saturating_add(1) } else { 0 };
@@ -115,14 +115,14 @@ impl Guard {
         self.first_repeats <= FEW_REPEATS && self.repeats > FROZEN
     }
 
-    /// Whether a sample to come would pass as things are now; it is not remembered.
+    /// Whether a future sample would pass at present; the sample is not remembered.
     pub(super) fn is_plausible(&self, sample: &[f64], process: &dyn Process) -> bool {
         let in_range = sample.iter().zip(&self.range).all(|(x, limit)| x.abs() <= *limit);
         let is_finite = sample.iter().all(|x| x.is_finite());
         is_finite && in_range && self.unusual(sample, process.agility()).is_none()
     }
 
-    /// Forgets the samples: nothing that follows is their neighbour.
+    /// Forgets the samples: no later sample is their neighbour.
     pub(super) fn forget(&mut self) {
         // A frozen instrument is still to be recognised after the gap that it leaves.
         if self.repeats == 0 {
@@ -130,7 +130,7 @@ impl Guard {
         }
     }
 
-    /// The number that changes by more than it should, and most so.
+    /// The number with the largest excess over its limit.
     fn unusual(&self, sample: &[f64], agility: &[f64]) -> Option<usize> {
         if self.changes < LEAST {
             return None;
@@ -148,7 +148,7 @@ impl Guard {
         self.passed.extend_from_slice(sample);
     }
 
-    /// Learns how much the samples change, of one that may be refused.
+    /// Learns how much the samples change, from a sample that may be rejected.
     pub(super) fn learn(&mut self, sample: &[f64], process: &dyn Process) {
         if self.passed.len() != sample.len() {
             self.change.resize(sample.len(), 0.0);
@@ -166,7 +166,7 @@ impl Guard {
     }
 }
 
-/// Above which a change is suspect where the agility is `a` and the mean size of changes `s`.
+/// The change above which a sample is suspect, for the agility `a` and the mean size of changes `s`.
 fn limit(a: f64, s: f64) -> f64 {
     a.max(UNUSUAL * s)
 }

@@ -25,7 +25,7 @@ impl Sample {
     }
 }
 
-/// Takes the rows of the input stream and holds the samples ready that are to be run over.
+/// Takes the rows of the input stream and holds the samples for the next run.
 #[derive(Debug)]
 pub(super) struct Intake {
     pub(super) port: Port,
@@ -33,13 +33,13 @@ pub(super) struct Intake {
     prepared: Prepared,
     guard: Guard,
     pace: Pace,
-    /// Where coasting ends \[ns\].
+    /// The longest gap to coast through \[ns\].
     longest_gap: i64,
     /// The latest row: where it ends, and its values.
     latest: Option<(Time, Vec<f64>)>,
     /// Rows that wait for others to show whether they are spikes.
     suspects: VecDeque<Suspect>,
-    /// Where the gap reaches that is being coasted through.
+    /// The time up to which the present gap has been coasted through.
     coasted: Option<Time>,
     /// Intervals whose samples are still being prepared.
     intervals: VecDeque<(Time, Time)>,
@@ -71,15 +71,15 @@ pub(super) struct Suspect {
 }
 crate::memory!(Suspect { time, row });
 
-/// What a row of the input did.
+/// The effect of a row of the input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Taken {
     /// It opened the first interval.
     First,
-    /// It closed one and opened the next.
+    /// It closed an interval and opened the next one.
     Sample,
-    /// It ends a gap that began at `since`: its sample begins at `start`, and what lies between is to
-    /// be coasted through before [`Intake::resume`] takes it.
+    /// It ends a gap that began at `since`: its sample begins at `start`. The time between has to be coasted through
+    /// before [`Intake::resume`] takes the row.
     Resumes { since: Time, start: Time },
 }
 
@@ -109,7 +109,7 @@ impl Intake {
         self.longest_gap = nanos(limits.longest_gap);
     }
 
-    /// The longest time that one sample stands for \[ns\].
+    /// The longest time that one sample covers \[ns\].
     pub(super) fn longest(&self) -> i64 {
         self.pace.longest()
     }
@@ -124,17 +124,17 @@ impl Intake {
         self.latest.as_ref().map(|(_, values)| values.as_slice())
     }
 
-    /// Where the latest row ends: where a gap begins.
+    /// The end of the latest row: the beginning of a gap.
     pub(super) fn end(&self) -> Option<Time> {
         self.latest.as_ref().map(|(end, _)| *end)
     }
 
-    /// The time up to which there is input, or has been coasted.
+    /// The time up to which there is input or coasting.
     fn covered(&self) -> Option<Time> {
         self.coasted.or(self.end())
     }
 
-    /// The time up to which there are rows, used or not, or has been coasted.
+    /// The time up to which there are rows, used or not, or coasting.
     fn reached(&self) -> Option<Time> {
         self.suspects.back().map(|suspect| suspect.time).or(self.covered())
     }
@@ -145,8 +145,8 @@ impl Intake {
         self.reached().is_some_and(is_late)
     }
 
-    /// Whether the row `values` that ends at `time` may be one; all numbers are finite, and none waits before
-    /// a gap.
+    /// Checks whether the row `values` that ends at `time` is acceptable. Its numbers must be finite, and no row may
+    /// wait before a gap.
     pub(super) fn admit(&mut self, time: Time, values: &[f64]) -> Result<(), Discard> {
         if let Some(now) = self.reached().filter(|now| time <= *now) {
             return Err(Discard::Late { now });
@@ -162,17 +162,17 @@ impl Intake {
         self.guard.judge(values, self.suspects.len(), self.pace.usual, process)
     }
 
-    /// The row at hand waits for others.
+    /// The present row waits for others.
     pub(super) fn wait(&mut self, suspect: Suspect) {
         self.suspects.push_back(suspect);
     }
 
-    /// The rows that wait, in order.
+    /// The waiting rows, in order.
     pub(super) const fn suspects(&self) -> &VecDeque<Suspect> {
         &self.suspects
     }
 
-    /// The first row that waits, which does so no longer, and why it did.
+    /// Removes the first waiting row. Returns it with the reason why it waited.
     pub(super) fn settle(&mut self) -> Option<(Suspect, Discard)> {
         let suspect = self.suspects.pop_front()?;
         Some((suspect, self.guard.suspicion()))
@@ -215,13 +215,13 @@ impl Intake {
         self.guard.is_plausible(values, process)
     }
 
-    /// Forgets the input: the next row is a first one.
+    /// Forgets the input: the next row counts as the first.
     pub(super) fn close(&mut self) {
         self.latest = None;
         self.coasted = None;
     }
 
-    /// A row that opens an interval at `time`, before which nothing counts.
+    /// Takes a row that opens an interval at `time`. Earlier input does not count.
     fn open(&mut self, time: Time, values: &[f64]) {
         let (end, latest) = self.latest.get_or_insert_default();
         *end = time;
@@ -246,7 +246,7 @@ impl Intake {
         self.make_ready();
     }
 
-    /// No row follows, or none for a while.
+    /// No row follows, or no row for a while.
     pub(super) fn finish(&mut self) {
         if let Some(preparation) = &mut self.preparation {
             preparation.finish(&mut self.prepared);
@@ -254,7 +254,7 @@ impl Intake {
         self.make_ready();
     }
 
-    /// The end of the next step through a gap, which is due when a later row than that is processed.
+    /// The end of the next step through a gap. The step is due when a later row is processed.
     pub(super) fn coasting_due(&self) -> Option<Time> {
         self.reached().map(|reached| reached.shifted(self.pace.longest()))
     }
@@ -269,7 +269,7 @@ impl Intake {
         self.coasted.is_some()
     }
 
-    /// Whether a gap that lasts until `time` is longer than can be coasted through.
+    /// Whether a gap that lasts until `time` is too long to coast through.
     pub(super) fn is_lost(&self, time: Time) -> bool {
         self.end().is_some_and(|end| time > end.shifted(self.longest_gap))
     }
@@ -286,7 +286,7 @@ impl Intake {
         self.prepared.clear();
     }
 
-    /// The sample to be run over next, lent until it is [given back](Intake::give_back).
+    /// The next sample to run over, lent until it is [given back](Intake::give_back).
     pub(super) fn next(&mut self) -> Option<Sample> {
         self.ready.pop_front()
     }
@@ -297,13 +297,13 @@ impl Intake {
     }
 }
 
-/// Intervals that the usual one is the median of.
+/// The number of intervals of which the usual interval is the median.
 const LEARNT: usize = 16;
-/// One sample stands for no more than this many usual intervals, where nothing is declared.
+/// One sample covers at most this number of usual intervals, unless a limit is declared.
 const MOST_INTERVALS: i64 = 10;
-/// Nor is less than this a gap \[ns\]: stamps jitter.
+/// A shorter interval is never a gap \[ns\]: stamps jitter.
 const LEAST_GAP: i64 = 100_000_000;
-/// What a sample may stand for before the usual interval is known \[ns\].
+/// The longest time that a sample covers before the usual interval is known \[ns\].
 const UNKNOWN: i64 = 1_000_000_000;
 
 /// How densely the rows come: the usual interval, learnt from them.
@@ -341,7 +341,7 @@ impl Pace {
         }
     }
 
-    /// The longest time that one sample stands for \[ns\].
+    /// The longest time that one sample covers \[ns\].
     fn longest(&self) -> i64 {
         let learnt = self.usual.saturating_mul(MOST_INTERVALS).max(LEAST_GAP);
         self.declared.unwrap_or(learnt)

@@ -1,4 +1,4 @@
-//! What a runner remembers between two rows.
+//! The memory of a runner between two rows.
 
 use super::rows::Consumer;
 use super::{InitialiserUnit, Runner};
@@ -19,7 +19,7 @@ impl Memory for Runner {
 }
 
 impl Runner {
-    /// Everything but the monitor, which is away while a row is processed, and what follows it.
+    /// Everything except the monitor and its dependents: the monitor is detached while a row is processed.
     fn remember_work(&mut self, tape: &mut Tape<'_>) {
         self.remember_progress(tape);
         self.estimator.remember(tape);
@@ -30,7 +30,7 @@ impl Runner {
         self.outcomes.as_mut_slice().remember(tape);
         self.stages.iter_mut().for_each(|unit| unit.stage.remember(tape));
         self.emissions.as_mut_slice().remember(tape);
-        // Once the filter runs they are asked no more; before another start they begin anew.
+        // A running filter does not need the initialisers; before another start they begin anew.
         if !self.started || self.realign.is_due() {
             self.initialisers.iter_mut().for_each(|unit| unit.initialiser.remember(tape));
         }
@@ -58,7 +58,7 @@ impl Runner {
         self.epoch.remember(tape);
     }
 
-    /// What was believed before the filter stopped.
+    /// The belief before the filter stopped.
     fn remember_last(&mut self, tape: &mut Tape<'_>) {
         let mut is_some = self.last.is_some();
         is_some.remember(tape);
@@ -70,7 +70,7 @@ impl Runner {
         }
     }
 
-    /// Whether what waits is there, and whoever waits for it.
+    /// Whether every waiting row exists, and also every consumer that waits for it.
     fn is_consistent(&self) -> bool {
         let is_there = |row| self.rows.holds(row, |stream| self.streams.get(stream).map(|s| s.width));
         let has_input = |inputs: Option<usize>, input| inputs.is_some_and(|inputs| input < inputs);
@@ -87,14 +87,13 @@ impl Runner {
             && self.waiting.iter().all(|w| is_there(w.row) && w.sensor < self.sensors.len())
     }
 
-    /// Does `work`, and goes back to where it was before; events of `work` are the caller's to keep from
-    /// others.
+    /// Does `work`, and returns to the state before it. The caller has to hide the events of `work` from others.
     pub(super) fn ahead<T>(&mut self, work: impl FnOnce(&mut Self) -> T) -> T {
         let mut before = core::mem::take(&mut self.before);
         before.clear();
         save(&mut Work(self), &mut before);
         let done = work(self);
-        // What was just written can be read.
+        // The tape was just written, so it can be read.
         let _ = recall(&mut Work(self), &before);
         self.before = before;
         done
@@ -103,7 +102,7 @@ impl Runner {
     /// The initialisers forget everything.
     pub(super) fn begin_anew(&mut self) {
         let mut all = Initialisers(&mut self.initialisers);
-        // The bytes are those that they wrote when they were added.
+        // The initialisers wrote these bytes when they were added.
         let _ = recall(&mut all, &self.pristine);
     }
 }

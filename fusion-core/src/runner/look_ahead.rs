@@ -1,9 +1,9 @@
 //! Looking ahead: the outcome of a leader that is valid after its follower.
 //!
-//! Of one row the follower may be valid first, as a velocity that a receiver reports later than the
-//! position. Whether the position will be used is then found by going on, without the follower, up to
-//! the position, and back again. Rows are held back long enough that everything that is
-//! valid by then is there, so that the answer does not depend on the order of arrival.
+//! Of one row the follower may be valid first, for example a velocity that a receiver reports later than the
+//! position. To find whether the position will be used, the runner continues without the follower up to the position,
+//! and returns. Rows are held back for so long that everything valid by then is present. The answer thus does not
+//! depend on the order of arrival.
 
 use super::Runner;
 use super::event::Event;
@@ -13,8 +13,8 @@ use crate::gate::Outcome;
 use crate::time::Time;
 
 impl Runner {
-    /// What will become of the measurement of sensor `leader` that is made of row number `row`, if it
-    /// is still to come; `during` is the sample that is being run over.
+    /// The future outcome of the measurement of sensor `leader` from row number `row`, if it is still to come;
+    /// `during` is the current sample.
     pub(super) fn foresee(&mut self, leader: usize, row: usize, during: Option<&Sample>) -> Option<Outcome> {
         if self.is_ahead {
             return None;
@@ -27,7 +27,7 @@ impl Runner {
         outcome
     }
 
-    /// Goes on to where `leader`, which is valid at `until` or nearby, has been served.
+    /// Continues until `leader`, which is valid near `until`, has been served.
     fn outcome_at(&mut self, leader: usize, row: usize, mut until: Time, during: Option<&Sample>) -> Option<Outcome> {
         let mut nobody = |_: &Event<'_>| {};
         if let Some(sample) = during {
@@ -35,7 +35,7 @@ impl Runner {
         }
         self.run_ready(&mut nobody).ok()?;
         self.drain(until, &mut nobody).ok()?;
-        // With an estimated offset, only now is it known when the leader is valid.
+        // With an estimated offset, the time of validity of the leader is only known now.
         if let Some(time) = self.coming(leader, row) {
             until = time;
             self.drain(until, &mut nobody).ok()?;
@@ -44,7 +44,7 @@ impl Runner {
         self.outcomes[leader].filter(|outcome| outcome.time == until)
     }
 
-    /// When the measurement of `sensor` made of row number `row` is valid, if it has not been served.
+    /// The time at which the measurement of `sensor` from row number `row` is valid, if it has not been served.
     fn coming(&self, sensor: usize, row: usize) -> Option<Time> {
         let waiting = self.waiting.iter().find(|w| w.sensor == sensor && w.row == row).map(|w| w.time);
         let is_it = |consumer| matches!(consumer, Consumer::Sensor(_, s) | Consumer::Aim(s) if s == sensor);

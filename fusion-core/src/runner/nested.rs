@@ -1,15 +1,15 @@
-//! A filter inside a filter: a stage that hosts a runner of its own.
+//! A filter inside a filter: a stage that hosts its own runner.
 //!
 //! The outer runner orders the rows. It hands them to the stage by time of validity, so the runner
 //! inside has streams without delays and never holds a row back: a row is used by the time the stage
 //! returns.
 //!
-//! After each row that moves the process inside, the estimate leaves as a row of the same time. It
-//! holds every measurement of that time that the runner inside has seen by then: those of the driving
-//! row itself, and of rows with the same time that arrived or are declared earlier. What comes with the
-//! same time later enters the next row. A process driven by time alone gives a row per measurement used.
+//! After each row that moves the process inside, the estimate leaves as a row of the same time. It contains every
+//! measurement of that time that the runner inside has received by then: the measurements of the driving row itself,
+//! and of rows with the same time that arrived or are declared earlier. Later measurements with the same time enter
+//! the next row. A process driven by time alone gives a row per measurement used.
 //!
-//! Events inside are told to the outer observers as [`Event::Nested`].
+//! Events inside are reported to the outer observers as [`Event::Nested`].
 
 use super::{Emitter, Event, Halt, Observer, Row, Runner, Stage, StreamId};
 use crate::filter::Estimator;
@@ -18,7 +18,7 @@ use crate::state::{Attitude, Belief, Block, Manifold, View};
 use crate::time::Time;
 use core::ops::Range;
 
-/// What of the estimate inside, or of the row that drove it, leaves as numbers of a row.
+/// The part of the estimate inside, or of the row that drove it, that leaves as numbers of a row.
 #[derive(Clone, Debug)]
 pub enum Outlet {
     /// The value of a block.
@@ -78,8 +78,8 @@ impl Nested {
         &self.runner
     }
 
-    /// Whether the estimate is to be told: the row valid at `time` has moved it there from `before`, or
-    /// has brought a measurement that was `used`, where time alone moves the process.
+    /// Whether the estimate is to be emitted. For a driven process, the row valid at `time` must have moved the
+    /// estimate there from `before`. If time alone moves the process, a measurement must have been `used`.
     fn is_due(&self, time: Time, before: Time, used: bool) -> bool {
         let now = self.runner.belief().time;
         let moved = if self.runner.is_driven() { now > before } else { used };
@@ -112,7 +112,7 @@ fn heading(belief: &Belief, attitude: &Block) -> [f64; 4] {
     [so3::to_rpy(&q).z, sigma.z, sigma.x, sigma.y]
 }
 
-/// Tells the outer observers what happens inside.
+/// Reports the events inside to the outer observers.
 struct Teller<'a, 'b> {
     out: &'a mut Emitter<'b>,
     used: bool,
@@ -186,7 +186,7 @@ mod tests {
     use nalgebra::Matrix1;
     use std::sync::Arc;
 
-    /// Moves at the rate that its input gives, and tells that rate.
+    /// Moves at the rate that its input gives, and gives that rate as a signal.
     #[derive(Debug)]
     struct Moving(Slot<Scalar>, Signal<Scalar>);
 
@@ -309,7 +309,7 @@ mod tests {
         belief.covariance.to_dense()[0].sqrt()
     }
 
-    /// What was told: updates and estimates, as text that shows every bit.
+    /// The updates and estimates in the events, as text that shows every bit.
     fn told(event: &Event<'_>) -> Option<String> {
         match event {
             Event::Updated { update, time, .. } => Some(format!("{time} {:?} {:?} {:?}", update.value, update.noise, update.nis)),
@@ -358,7 +358,7 @@ mod tests {
             let mut out = Emitter::default();
             stage.row(stream, time, &row, None, &mut out);
             let emitted: Vec<_> = out.rows().map(|(t, row)| (t, row[2], row[3])).collect();
-            // The filter starts at the first rate and tells nothing of an interval before it.
+            // The filter starts at the first rate and reports no interval before it.
             let due = stream == 0 && row[0] > 0.0;
             assert_eq!(emitted, if due { vec![(time, row[1], row[0])] } else { vec![] });
         }
@@ -402,7 +402,7 @@ mod tests {
     fn a_heading_is_told_with_the_sigma_about_down_and_the_tilt_about_north_and_east() {
         let mut b = LayoutBuilder::new();
         let q = so3::from_rpy(0.3, -1.2, 2.0);
-        // About the body axes 1, 2 and 3 hundredths.
+        // The 1σ are 1, 2 and 3 hundredths about the body axes.
         declare::<Scalar>(&mut b, "other", 0.0, &[9.0], Dynamics::Constant);
         declare::<Attitude>(&mut b, "attitude", q, &[0.01, 0.02, 0.03], Dynamics::Constant);
         let layout = Arc::new(b.finish());

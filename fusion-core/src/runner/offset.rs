@@ -1,16 +1,15 @@
 //! Time offsets that are estimated: when a row is valid, and how fast the state moved then.
 //!
-//! A row of such a sensor is queued at the earliest time at which it may be valid, stamp − `most`.
-//! When the runner gets there it reads the offset τ̂ and queues the row again at stamp − τ̂. By then
-//! everything that is valid earlier has been used, and nothing else: τ̂ does not depend on the order of
-//! arrival. Where the offset has changed by the time the row is served, or the row came from a stage
-//! and was late already, the rest of the way is gone to first order, as [`Lateness`] says.
+//! A row of such a sensor is queued at the earliest time at which it may be valid, stamp − `most`. When the runner
+//! reaches that time, it reads the offset τ̂ and queues the row again at stamp − τ̂. By then exactly the rows that
+//! are valid earlier have been used: τ̂ does not depend on the order of arrival. The offset may have changed by the
+//! time the row is served, or the row came late from a stage. Then [`Lateness`] corrects the rest to first order.
 //!
-//! The rate of the state is that under an input averaged over [`WINDOW`] about the time of validity, as
-//! far after as before. A single sample is noise to a great part; its square would pass for
-//! information about τ. A mean over the past alone would not do either: it holds the noise that is in
-//! the velocity too, and τ̂ would be q/E[a²] off for white acceleration noise of density q. What lies
-//! after gives the opposite, and the two halves cancel.
+//! The rate of the state is taken under an input averaged over [`WINDOW`] about the time of validity, as far after it
+//! as before. A single sample is mostly noise; its square would count as information about τ. A mean over the past
+//! alone is not enough: it contains the noise that is in the velocity too, and τ̂ would be wrong by q/E[a²] for white
+//! acceleration noise of density q. The half after the time of validity gives the opposite error, and the two halves
+//! cancel.
 
 use super::intake::Taken;
 use super::rows::{Consumer, Entry};
@@ -24,7 +23,7 @@ use std::collections::VecDeque;
 
 /// Over how long the input is averaged \[s\].
 const WINDOW: f64 = 0.1;
-/// Rows of the input kept, however long they are.
+/// Rows of the input that are kept at least, however long they are.
 const FEWEST: usize = 4;
 
 /// The time offset of a sensor whose rows cannot simply be queued at their time of validity: stamp
@@ -33,9 +32,9 @@ const FEWEST: usize = 4;
 pub struct Offset {
     /// Its value: a state, or a constant where rows come too late to be queued that early.
     pub value: Quantity<Scalar>,
-    /// The least that is allowed for; an offset beyond is served there.
+    /// The least offset that is allowed for; a row with a smaller offset is served at this one.
     pub least: f64,
-    /// The most that is allowed for. [`Port::delay`](super::Port::delay) of its sensor holds it.
+    /// The largest offset that is allowed for. [`Port::delay`](super::Port::delay) of its sensor contains it.
     pub most: f64,
 }
 
@@ -105,7 +104,7 @@ impl Window {
 }
 
 impl Runner {
-    /// Keeps the row of the input at hand, which ends at `time`, which was taken.
+    /// Keeps the present row of the input, which ends at `time` and was taken.
     pub(super) fn keep_input(&mut self, taken: &Taken, time: Time) {
         let start = match taken {
             Taken::First => time,
@@ -117,7 +116,7 @@ impl Runner {
         }
     }
 
-    /// Queues a row at the time at which it is valid by the offset as it is estimated now.
+    /// Queues a row at its time of validity by the current estimate of the offset.
     pub(super) fn aim(&mut self, sensor: usize, entry: Entry) {
         let s = &self.sensors[sensor];
         let x = &self.estimator.belief().x;
@@ -129,9 +128,9 @@ impl Runner {
         self.queue.put(Entry { time, consumer, ..entry });
     }
 
-    /// The offset by which a row of `sensor` would be valid at `time`, at which it is served; `None` for a
-    /// sensor without one, and in a gap of the input, where nothing is known of the rate. Averages the
-    /// input about that time; `held` is the sample that is run over.
+    /// The offset by which a row of `sensor` would be valid at `time`, at which it is served. `None` for a sensor
+    /// without an offset, and in a gap of the input, where the rate is unknown. Averages the input about that time;
+    /// `held` is the current sample.
     pub(super) fn assumed_offset(&mut self, sensor: usize, row: usize, time: Time, held: Option<Input<'_>>) -> Option<f64> {
         let s = &self.sensors[sensor];
         let most = s.offset.as_ref()?.most;
@@ -140,7 +139,7 @@ impl Runner {
         Some(most - time.seconds_since(earliest))
     }
 
-    /// The mean of the input about `time`; `None` where there is no input.
+    /// The mean of the input about `time`; `None` if input is missing there.
     fn average_input(&mut self, time: Time, held: Option<Input<'_>>) -> Option<()> {
         let Some(input) = &self.input else { return Some(()) };
         let foreknown = self.foreknown;
@@ -151,7 +150,7 @@ impl Runner {
         window.sample.clear();
         window.sample.extend_from_slice(held.sample);
         window.interval = held.interval;
-        // Rows that are certain to be there by now, whatever the order of arrival.
+        // Rows that are certainly present by now, for any order of arrival.
         let certain = time.shifted(foreknown);
         let half = time.shifted(nanos(0.5 * WINDOW));
         let coming = || {
@@ -205,7 +204,7 @@ mod tests {
     use crate::state::{Belief, Dynamics, LayoutBuilder, Slot, View};
     use std::sync::Arc;
 
-    /// By how much the two sensors are late \[s\].
+    /// The true delays of the two sensors \[s\].
     const TRUE: [f64; 2] = [0.31, 0.12];
 
     fn acceleration(t: f64) -> f64 {
@@ -242,7 +241,7 @@ mod tests {
         }
     }
 
-    /// What is allowed for either way, in most tests [s].
+    /// The largest offset that most tests allow for, in either direction [s].
     const MOST: f64 = 0.6;
 
     fn sensor(name: &str, port: (StreamId, usize), x: Slot<Scalar>, offset: Slot<Scalar>, leader: Option<usize>) -> Sensor {
@@ -337,12 +336,12 @@ mod tests {
         for (k, wanted) in TRUE.iter().enumerate() {
             let (tau, axis) = (belief.x[2 + k], 2 + k);
             let sigma = belief.covariance.to_dense()[axis * 4 + axis].sqrt();
-            // 3σ; without noise in the data far less is left than the filter allows for.
+            // 3σ; the data have no noise, so the error is far smaller than the filter allows for.
             assert!((tau - wanted).abs() < 3.0 * sigma && sigma < 0.005, "{tau} {wanted} {sigma}");
         }
         let (time, stamp) = used.last().unwrap();
         let applied = stamp.seconds_since(*time);
-        // What the last updates change: a tenth of 1σ.
+        // The change by the last updates: a tenth of 1σ.
         assert!((applied - belief.x[2]).abs() < 5e-4, "{applied} {}", belief.x[2]);
         assert!(used[0].1.seconds_since(used[0].0).abs() < 1e-9, "the first by the initial value");
     }
@@ -350,7 +349,7 @@ mod tests {
     #[test]
     fn any_order_of_arrival_within_the_buffer_gives_the_same_bits() {
         let rows = rows();
-        // With little allowed for, rows are held back for less than the window reaches.
+        // If `most` is small, rows are held back for less time than the window covers.
         for most in [MOST, 0.01] {
             let runner = || {
                 let mut runner = runner(0.5);
@@ -366,7 +365,8 @@ mod tests {
             let wanted = fed(&mut runner(), &rows);
             assert!(wanted.1.len() > 280);
             for law in 1..7_i64 {
-                // By any time up to the buffer; or some by the whole of it and the others not at all.
+                // Delays of any length up to the buffer; or some rows late by the whole buffer and the others not at
+                // all.
                 let late = |k: usize| match (k as i64 * 7919 * law).rem_euclid(51) {
                     n if law < 5 => n,
                     n => 50 * i64::from(n < 7),
@@ -415,7 +415,7 @@ mod tests {
         let now = runner.belief().time;
         assert_eq!(now, Time::from_seconds(4.03), "rows are held back for 0.6 s");
         runner.average_input(now, None).unwrap();
-        // The first sample stands for the 10 ms before it.
+        // The first sample covers the 10 ms before it.
         let middle = 100.0 * 0.5 * (3.99 + now.seconds() + 0.05);
         let mean = runner.window.sample[0];
         // 100 ε of the sum of nine numbers of 400.
@@ -437,7 +437,7 @@ mod tests {
             // 100 ε of the sum of ten numbers of 250.
             assert!((mean - middle).abs() < 1e-10, "{mean} {middle}");
         }
-        // Where there is no input, nothing is known; a row that is no number is left out.
+        // Without input the mean is `None`; a row that is NaN is left out.
         assert_eq!(runner.average_input(now.shifted(nanos(5.0)), None), None);
         let wrong = Time::from_seconds(3.0);
         runner.feed(&Row::new(0, wrong, &[f64::NAN]), &mut |_: &Event<'_>| {}).unwrap();

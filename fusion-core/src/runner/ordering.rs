@@ -1,4 +1,4 @@
-//! The runner itself: what it is put together from, and the order of rows in time.
+//! The runner itself: its parts, and the order of rows in time.
 
 use super::ahead::Ahead;
 use super::expectation::Expectation;
@@ -29,7 +29,7 @@ pub(super) struct Stream {
     pub(super) width: usize,
 }
 
-/// What the process is called as a consumer of rows.
+/// The name of the process as a consumer of rows.
 pub(super) const PROCESS: &str = "process";
 
 /// A measurement that waits for the input sample that covers it.
@@ -43,36 +43,35 @@ crate::memory!(Waiting { time, sensor, row });
 
 /// Merges streams in time and drives an estimator.
 ///
-/// What it remembers can be saved; restored into another that is put together in the same way, it goes on
-/// bit for bit.
+/// Its memory can be saved. Restored into a runner with the same parts, it continues bit for bit.
 #[derive(Debug)]
 pub struct Runner {
     pub(super) streams: Vec<Stream>,
     pub(super) input: Option<Intake>,
     pub(super) sensors: Vec<Sensor>,
-    /// By sensor: how many it takes to reach one that goes with no other, itself included. Of one
-    /// time, lower ranks are served first.
+    /// By sensor: the length of its chain of leaders, including itself. At the same time, lower ranks are served
+    /// first.
     pub(super) ranks: Vec<usize>,
-    /// By sensor: what became of its latest measurement.
+    /// By sensor: the outcome of its latest measurement.
     pub(super) outcomes: Vec<Option<Outcome>>,
     pub(super) stages: Vec<StageUnit>,
     pub(super) initialisers: Vec<InitialiserUnit>,
-    /// What the initialisers remembered when they were added, for another start.
+    /// The memory of the initialisers when they were added, for another start.
     pub(super) pristine: Vec<u8>,
-    /// What was believed before the filter stopped.
+    /// The belief before the filter stopped.
     pub(super) last: Option<Belief>,
-    /// What becomes of a filter that is lost.
+    /// The restart of a filter that is lost.
     pub(super) restart: Restart,
     /// Whether the attitude is to be found again.
     pub(super) realign: Realign,
     pub(super) quarantine: Quarantine,
-    /// How far the input is beside the other rows.
+    /// How far the input is, compared with the other rows.
     pub(super) ahead_of_input: Ahead,
     pub(super) buffer: i64,
     pub(super) lag: i64,
-    /// How far beyond what is served rows are there, whatever the order of arrival, of the process input \[ns\].
+    /// How far beyond the served time all rows of the process input are present, for any order of arrival \[ns\].
     pub(super) foreknown: i64,
-    /// How far ahead of what is served rows may be looked at \[ns\].
+    /// How far ahead of the served time rows may be looked at \[ns\].
     pub(super) foresight: i64,
     /// Whether rows are used as they arrive.
     pub(super) is_live: bool,
@@ -81,9 +80,9 @@ pub struct Runner {
     pub(super) rows: Rows,
     pub(super) watermark: Time,
     pub(super) released: Time,
-    /// Who was served last, at that time.
+    /// The consumer that was served last, at that time.
     pub(super) serving: Consumer,
-    /// Up to when rows have been looked at.
+    /// The time up to which rows have been looked at.
     pub(super) seen: Time,
     pub(super) started: bool,
     pub(super) start_after: Time,
@@ -91,15 +90,15 @@ pub struct Runner {
     pub(super) waiting: VecDeque<Waiting>,
     /// The latest input, for sensors whose time offset is estimated.
     pub(super) window: Window,
-    /// The input as it was expected, for sensors that read signals of it and for gaps.
+    /// The input as it was expected, for gaps and for sensors that read its signals.
     pub(super) expectation: Expectation,
     pub(super) emitted: Emitted,
     /// Rows that each stage has emitted so far.
     pub(super) emissions: Vec<u64>,
-    /// The epoch whose estimate has not been told yet.
+    /// The epoch whose estimate has not been reported yet.
     pub(super) epoch: Option<Time>,
     keeps_steps: bool,
-    /// Whether it looks ahead, and what it remembered before.
+    /// Whether it looks ahead, and its memory before that.
     pub(super) is_ahead: bool,
     pub(super) before: Vec<u8>,
     pub(super) value: Vec<f64>,
@@ -109,7 +108,7 @@ pub struct Runner {
     pub(super) limits: Limits,
     /// The longest silence that a process without input predicts through \[ns\].
     pub(super) longest_silence: Option<i64>,
-    /// None before the first row, and while a row is processed.
+    /// `None` before the first row, and while a row is processed.
     pub(super) monitor: Option<Box<Monitor>>,
 }
 
@@ -186,27 +185,27 @@ impl Runner {
         self.streams.iter().map(|s| (s.name.as_str(), s.width))
     }
 
-    /// Says which stream drives the process.
+    /// Sets the stream that drives the process.
     pub fn set_input(&mut self, port: Port) {
         self.input = Some(Intake::new(port, self.process.preparation()));
         self.hold_back();
     }
 
-    /// Says what the input may be like; call it after [`Runner::set_input`].
+    /// Sets the limits of the input; call it after [`Runner::set_input`].
     pub fn limit_input(&mut self, limits: InputLimits) {
         if let Some(input) = &mut self.input {
             input.limit(limits);
         }
     }
 
-    /// Where all rows are silent for more than `seconds`, a filter without input starts anew by its initialisers
-    /// and keeps its calibration.
+    /// If all rows are silent for more than `seconds`, a filter without input starts anew by its initialisers and
+    /// keeps its calibration.
     pub fn restart_after(&mut self, seconds: f64) {
         self.longest_silence = Some(nanos(seconds));
     }
 
-    /// Rows whose stamps are more than `seconds` ahead of all others wait until twenty more confirm them;
-    /// infinite at first. Rows that the next ones do not confirm are discarded.
+    /// Rows whose stamps are more than `seconds` ahead of all others wait until twenty more confirm them. The limit
+    /// is infinite at first. Rows that the next rows do not confirm are discarded.
     pub fn limit_jumps(&mut self, seconds: f64) {
         self.quarantine = Quarantine::new(seconds);
     }
@@ -238,12 +237,12 @@ impl Runner {
         self.hold_back();
     }
 
-    /// The sensor that sensor number `s` goes with.
+    /// The leader of sensor number `s`.
     fn leader(&self, s: usize) -> Option<usize> {
         self.sensors[s].gate.leader().filter(|&leader| leader < self.sensors.len())
     }
 
-    /// Followers after those they go with.
+    /// Ranks followers after their leaders.
     fn rank_sensors(&mut self) {
         let all = self.sensors.len();
         // `take` ends a cycle.
@@ -251,12 +250,11 @@ impl Runner {
         self.ranks = (0..all).map(rank).collect();
     }
 
-    /// How long rows are held back: the buffer, the longest delay, and what followers ask for.
+    /// How long rows are held back: the buffer, the longest delay, and the time that followers need.
     ///
-    /// A follower on another stream than its leader: all rows of one stamp must be there before the
-    /// first is used, so that rows are held back until a later one comes. A follower that is valid
-    /// before its leader, on one stream: all rows up to the leader's validity must be there, to look
-    /// ahead.
+    /// If a follower is on another stream than its leader, all rows of one stamp must be present before the first is
+    /// used. So rows are held back until a later row comes. If a follower on the same stream is valid before its
+    /// leader, all rows up to the leader's validity must be present, to look ahead.
     pub(super) fn hold_back(&mut self) {
         let input = self.input.iter().map(|input| &input.port);
         let sensors = self.sensors.iter().map(|s| &s.port);
@@ -285,8 +283,8 @@ impl Runner {
         };
     }
 
-    /// Who takes rows without an event of their own, the process and the stages: name of the consumer,
-    /// number and stream of each input.
+    /// The consumers whose rows cause no event, the process and the stages: name of the consumer, number and stream
+    /// of each input.
     pub fn takers(&self) -> impl Iterator<Item = (&str, usize, StreamId)> {
         let process = self.input.iter().map(|input| (PROCESS, 0, input.port.stream));
         process.chain(self.stages.iter().flat_map(|unit| ports(&unit.name, &unit.inputs)))
@@ -321,7 +319,7 @@ impl Runner {
         self.newest().started
     }
 
-    /// What the filter still waits for before it can start, and those inside its stages.
+    /// The data that the filter, and the filters inside its stages, still wait for before they can start.
     #[must_use]
     pub fn waits_for(&self) -> Vec<(String, String)> {
         let newest = self.newest();
@@ -334,15 +332,15 @@ impl Runner {
         pending.chain(inside).collect()
     }
 
-    /// What became of the tests of its stages, by name.
+    /// The outcome of the tests of its stages, by name.
     #[must_use]
     pub fn tested(&self) -> Vec<(String, Tested)> {
         let stages = self.newest().stages.iter();
         stages.filter_map(|unit| Some((unit.name.clone(), unit.stage.tested()?))).collect()
     }
 
-    /// How long rows are held back \[s\]: the buffer plus the longest declared delay, and what
-    /// sensors that go with others need besides.
+    /// How long rows are held back \[s\]: the buffer plus the longest declared delay, and the additional time that
+    /// followers need.
     #[must_use]
     pub fn lag(&self) -> f64 {
         self.lag as f64 * 1e-9
@@ -388,7 +386,7 @@ impl Runner {
         self.drain(reach.shifted(-self.lag), observer)
     }
 
-    /// The stamp up to which rows are there, `row` being the newest: those ahead of the input wait.
+    /// The stamp up to which rows are processed, `row` being the newest: rows ahead of the input wait.
     fn reach(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<Time, Halt> {
         let Some(input) = &self.input else {
             return Ok(self.watermark);
@@ -436,7 +434,7 @@ impl Runner {
         self.tell_epoch(observer)
     }
 
-    /// Keeps steps where the observer wants them.
+    /// Keeps steps if the observer wants them.
     fn listen(&mut self, observer: &dyn Observer) {
         let wanted = observer.wants_steps();
         if wanted != self.keeps_steps {
@@ -445,8 +443,8 @@ impl Runner {
         }
     }
 
-    /// Puts a row that came at `arrival` into the queue, once for each consumer; it is late where it is
-    /// valid before what has been served, or before `from`.
+    /// Puts a row that came at `arrival` into the queue, once for each consumer. It is late if it is valid before the
+    /// last served time, or before `from`.
     pub(super) fn enqueue(&mut self, row: &Row<'_>, arrival: Time, from: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         let at = self.rows.put(row, arrival);
         let released = self.released.max(from);
@@ -465,7 +463,7 @@ impl Runner {
                 time = time.max(released);
             }
             if time < released {
-                // Initialisers of a filter that runs miss nothing.
+                // Initialisers of a running filter do not miss a row.
                 if is_running && consumer.is_initialiser() {
                     return Ok(());
                 }
@@ -486,18 +484,18 @@ impl Runner {
         offered
     }
 
-    /// When `row` is valid, for each of its consumers.
+    /// The time at which `row` is valid, for each of its consumers.
     pub(super) fn each_validity(&self, row: &Row<'_>, mut each: impl FnMut(Time, Consumer)) {
         let told = self.consumers().each(row.stream, |consumer, port, _| {
             each(row.time.shifted(-port.delay), consumer);
             Ok(())
         });
-        // Nothing here stops.
+        // Nothing here can stop the run.
         told.unwrap_or_default();
     }
 
-    /// Who takes rows. The initialisers of a filter that runs do not use them, but may have to start it
-    /// again by the time that they are served.
+    /// The consumers of rows. The initialisers of a running filter do not use rows, but may have to start it again by
+    /// the time that the rows are served.
     fn consumers(&self) -> Consumers<'_> {
         Consumers {
             input: self.input.as_ref(),
@@ -514,7 +512,7 @@ impl Runner {
             let next = self.queue.first().map(|e| e.time).filter(|time| *time <= until);
             let horizon = next.unwrap_or(until.min(self.watermark));
             if self.coast_before(horizon, observer)? {
-                // Stages may have emitted rows that come first.
+                // Stages may have emitted earlier rows.
                 continue;
             }
             let Some(entry) = next.and_then(|_| self.queue.take()) else {
@@ -536,7 +534,7 @@ fn ports<'a>(name: &'a str, inputs: &'a [Port]) -> impl Iterator<Item = (&'a str
     inputs.map(move |(input, port)| (name, input, port.stream))
 }
 
-/// Who takes rows.
+/// The consumers of rows.
 struct Consumers<'a> {
     input: Option<&'a Intake>,
     initialisers: &'a [InitialiserUnit],
@@ -546,7 +544,7 @@ struct Consumers<'a> {
 }
 
 impl Consumers<'_> {
-    /// Calls `offer` for everyone who listens to `stream`, with port and name.
+    /// Calls `offer` for every consumer that listens to `stream`, with port and name.
     fn each(&self, stream: StreamId, mut offer: impl FnMut(Consumer, &Port, &str) -> Result<(), Halt>) -> Result<(), Halt> {
         let mut offer = |consumer, port: &Port, name: &str| {
             if port.stream == stream {

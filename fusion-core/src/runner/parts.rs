@@ -1,4 +1,4 @@
-//! What a runner is put together from.
+//! The parts of a runner.
 
 use super::event::{Event, Halt, Observer};
 use super::{Offset, StreamId};
@@ -29,13 +29,13 @@ impl Port {
     }
 }
 
-/// What the input of the process may be like.
+/// The limits of the input of the process.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InputLimits {
     /// The largest magnitude per number of a sample, as its instrument measures; empty: any.
     pub range: Vec<f64>,
-    /// The longest time \[s\] that one sample stands for. By default ten times what is usual among the
-    /// samples, and at least 0.1 s.
+    /// The longest time \[s\] that one sample covers. By default it is ten usual intervals between samples, and at
+    /// least 0.1 s.
     pub longest_interval: Option<f64>,
     /// The longest gap \[s\] that is coasted through; after that the filter starts anew.
     pub longest_gap: f64,
@@ -94,15 +94,15 @@ pub struct Sensor {
     pub name: String,
     /// The measurement model.
     pub model: Arc<dyn Measurement>,
-    /// Where its value comes from; no columns where the value is `constant`.
+    /// The source of its value; it has no columns if the value is `constant`.
     pub port: Port,
-    /// Its time offset, where it is estimated.
+    /// Its time offset, if it is estimated.
     pub offset: Option<Offset>,
     /// The value of a pseudo-measurement.
     pub constant: Vec<f64>,
     /// Its noise.
     pub noise: Noise,
-    /// The column that says how good a row is, HDOP for one, for gates that judge by it.
+    /// The column with the quality of a row, such as HDOP, for gates that use it.
     pub quality: Option<usize>,
     /// Its gate.
     pub gate: Box<dyn Gate>,
@@ -111,7 +111,7 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// Its stream, and the columns of it that it reads.
+    /// Its stream, and the columns that it reads.
     #[must_use]
     pub fn reads(&self) -> (StreamId, Vec<usize>) {
         let columns = self.port.columns.iter().chain(&self.noise.sigma_columns);
@@ -119,35 +119,34 @@ impl Sensor {
     }
 }
 
-/// What became of the tests of a stage.
+/// The outcome of the tests of a stage.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Tested {
     /// How often it tested.
     pub tests: u64,
-    /// How often that held for which it tests.
+    /// How often the tested condition held.
     pub held: u64,
-    /// What was nearest to that where it never held, with its figures and the limits that it missed.
+    /// If it never held: the nearest case, with its figures and the limits that it missed.
     pub nearest: Option<String>,
 }
 
-/// Turns streams into a stream: a detector, a clock, a filter of its own.
+/// Turns streams into a stream: a detector, a clock, a separate filter.
 pub trait Stage: Memory + Debug + Send {
     /// Sees a row of its input number `input`; `view` is the estimate once there is one.
     fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter<'_>);
 
-    /// Hears that the stream that drives the process is silent, and that the estimate has gone on to
-    /// `time` without it. Only stages that listen to that stream hear it. What is emitted is valid at
-    /// `time` or later.
+    /// Hears that the stream that drives the process is silent, and that the estimate has moved to `time` without it.
+    /// Only stages that listen to that stream hear it. The rows emitted here are valid at `time` or later.
     fn silence(&mut self, time: Time, view: &View<'_>, out: &mut Emitter<'_>) {
         let _ = (time, view, out);
     }
 
-    /// What a filter inside it still waits for before it can start: names and reasons.
+    /// The data that a filter inside it still waits for before it can start: names and reasons.
     fn waits_for(&self) -> Vec<(String, String)> {
         Vec::new()
     }
 
-    /// What became of its rows, of a stage that tests whether something holds, since the filter runs.
+    /// The outcome of its tests since the filter has run, for a stage that tests a condition.
     fn tested(&self) -> Option<Tested> {
         None
     }
@@ -158,7 +157,7 @@ pub trait Stage: Memory + Debug + Send {
     }
 }
 
-/// Takes what a stage has to give: rows for its stream, events of a filter inside.
+/// Takes the output of a stage: rows for its stream, events of a filter inside.
 #[derive(Default)]
 pub struct Emitter<'a> {
     pub(super) emitted: Emitted,
@@ -193,7 +192,7 @@ impl Debug for Emitter<'_> {
 }
 
 impl<'a> Emitter<'a> {
-    /// One whose events `observer` hears as those of `stage`; `emitted` lends its memory.
+    /// An emitter whose events `observer` hears as events of `stage`; `emitted` lends its memory.
     pub(super) fn new(mut emitted: Emitted, stage: &'a str, observer: &'a mut dyn Observer) -> Self {
         emitted.rows.clear();
         emitted.data.clear();
@@ -206,7 +205,7 @@ impl<'a> Emitter<'a> {
         }
     }
 
-    /// The same while the stage sees the row `number`, which a declared fault has `disturbed` or not.
+    /// The same emitter while the stage sees the row `number`; `disturbed` says whether a declared fault changed it.
     pub(super) const fn seeing(mut self, number: u64, disturbed: bool) -> Self {
         self.number = number;
         self.disturbed = disturbed;
@@ -231,14 +230,14 @@ impl<'a> Emitter<'a> {
         self.emitted.data.extend_from_slice(row);
     }
 
-    /// Tells an event of the filter inside the stage, as [`Event::Nested`].
+    /// Reports an event of the filter inside the stage, as [`Event::Nested`].
     pub fn tell(&mut self, event: &Event<'_>) {
         if let (None, Some((stage, observer))) = (&self.halt, &mut self.told) {
             self.halt = observer.on(&Event::Nested { stage, event }).err();
         }
     }
 
-    /// Whether anyone wants the steps of the filter inside.
+    /// Whether an observer wants the steps of the filter inside.
     #[must_use]
     pub fn wants_steps(&self) -> bool {
         self.told.as_ref().is_some_and(|(_, observer)| observer.wants_steps())
@@ -265,9 +264,9 @@ pub struct StageUnit {
     pub name: String,
     /// The stage.
     pub stage: Box<dyn Stage>,
-    /// What it listens to.
+    /// Its inputs.
     pub inputs: Vec<Port>,
-    /// What it feeds.
+    /// The stream that it feeds.
     pub output: StreamId,
 }
 
@@ -290,6 +289,6 @@ pub struct InitialiserUnit {
     pub name: String,
     /// The initialiser.
     pub initialiser: Box<dyn Initialiser>,
-    /// What it listens to.
+    /// Its inputs.
     pub inputs: Vec<Port>,
 }

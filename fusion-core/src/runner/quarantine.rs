@@ -1,9 +1,9 @@
-//! Stamps that jump ahead: rows wait until enough of them say so.
+//! Stamps that jump ahead: rows wait until enough rows confirm the jump.
 //!
-//! A row whose stamp is far ahead of all others waits, and so do the next rows that are ahead by as much. The
-//! first row that is not ahead refutes them. When 20 rows wait and one more comes, the jump is a gap, and all
-//! are used. Where several streams have rows, two of them must have jumped, or one must go on for as long as a
-//! row may be ahead. The end of the log discards waiting rows.
+//! A row whose stamp is far ahead of all others waits, and so do the next rows that are as far ahead. The first row
+//! that is not ahead refutes them. When 20 rows wait and one more comes, the jump is a gap, and all are used. If
+//! several streams have rows, two of them must have jumped, or one must continue for as long as a row may be ahead.
+//! The end of the log discards waiting rows.
 
 use super::rows::Row;
 use crate::memory::{Memory, Tape};
@@ -11,7 +11,7 @@ use crate::time::{Time, nanos};
 use core::ops::Range;
 use std::collections::VecDeque;
 
-/// Rows in a row whose stamps are wrong, at most.
+/// Successive rows whose stamps are wrong, at most.
 const LONGEST_RUN: usize = 20;
 
 /// Holds back rows whose stamps are far ahead of all others.
@@ -19,9 +19,9 @@ const LONGEST_RUN: usize = 20;
 pub(super) struct Quarantine {
     /// How far ahead a row may be \[ns\].
     longest: i64,
-    /// The longest that the rows have lately been apart \[ns\].
+    /// The longest recent interval between rows \[ns\].
     usual: i64,
-    /// When the latest row arrived that is not in doubt.
+    /// The arrival of the latest row that is not in doubt.
     arrived: Option<Time>,
     /// The first stream that had a row, and whether others had, too.
     stream: Option<usize>,
@@ -74,18 +74,18 @@ impl Held {
 /// How to treat a row, and before it the waiting rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Admission {
-    /// It is used; those that wait are discarded.
+    /// The row is used; waiting rows are discarded.
     Use,
-    /// It waits with them.
+    /// The row waits together with any other waiting rows.
     Wait,
-    /// They are used, and so is it.
+    /// The waiting rows are used, and so is this row.
     Confirms,
-    /// It is another jump: they are discarded, it waits.
+    /// The row is another jump: the waiting rows are discarded, and this row waits.
     Replaces,
 }
 
 impl Quarantine {
-    /// A quarantine for rows more than `longest` seconds ahead; infinite: none.
+    /// A quarantine for rows more than `longest` seconds ahead; infinite switches it off.
     pub(super) fn new(longest: f64) -> Self {
         Self {
             longest: nanos(longest),
@@ -110,7 +110,7 @@ impl Quarantine {
         now != Time::MIN && row.time.nanos().saturating_sub(now.nanos()) > self.limit().saturating_add(passed)
     }
 
-    /// From the arrival of the latest row that is not in doubt to that of `row` \[ns\].
+    /// The time from the arrival of the latest row that is not in doubt to the arrival of `row` \[ns\].
     fn passed(&self, row: &Row<'_>) -> Option<i64> {
         Some(row.arrival?.nanos().saturating_sub(self.arrived?.nanos()).max(0))
     }
@@ -141,7 +141,7 @@ impl Quarantine {
         }
     }
 
-    /// Whether the rows that wait, and `row`, are too many for a fault of the stamps.
+    /// Whether the waiting rows and `row` are too many for a fault of the stamps.
     fn goes_on(&self, row: &Row<'_>, first: &Held) -> bool {
         let has_lasted = || row.time.nanos().saturating_sub(first.time.nanos()) > self.limit();
         let others = || self.held.iter().any(|held| held.stream != row.stream);
@@ -159,7 +159,7 @@ impl Quarantine {
         self.held.push_back(held);
     }
 
-    /// The first of the rows that wait, which does so no longer.
+    /// Removes and returns the first waiting row.
     pub(super) fn release(&mut self) -> Option<Held> {
         self.held.pop_front()
     }
@@ -174,7 +174,8 @@ impl Quarantine {
 mod tests {
     use super::*;
 
-    /// Judges rows of these streams, stamped in hundredths of a second after one of each; what waits is held.
+    /// Judges rows of these streams, stamped in hundredths of a second, after one row of each stream. Waiting rows
+    /// are held.
     fn judged(rows: impl Iterator<Item = (usize, i64)>) -> Vec<Admission> {
         let mut quarantine = Quarantine::new(10.0);
         let mut now = Time::MIN;
@@ -209,7 +210,7 @@ mod tests {
         assert_eq!(judged(3600, Some(3598)), Admission::Use);
         assert_eq!(judged(3600, None), Admission::Wait);
         assert_eq!(judged(3600, Some(1)), Admission::Wait);
-        // The clock makes no row doubtful that would not be without it.
+        // The clock must not make a row doubtful that is not doubtful without it.
         assert_eq!(judged(9, Some(0)), Admission::Use);
     }
 

@@ -96,8 +96,8 @@ fn port(stream: StreamId) -> Port {
     }
 }
 
-/// Two seconds at a position of 5, the calibration measured once as 2; from `again` on at one of 90. What is told
-/// of starts, and the belief in the end.
+/// Two seconds at a position of 5, the calibration measured once as 2; from `again` on at a position of 90. Returns
+/// the reported starts, and the belief at the end.
 fn told(runner: &mut Runner, again: i64) -> (Vec<String>, Belief) {
     let mut told = Vec::new();
     let mut observer = |event: &Event<'_>| match event {
@@ -136,8 +136,8 @@ fn a_silence_within_a_recording_and_one_that_nothing_is_declared_of_are_bridged(
     assert_eq!(told(&mut runner(), 100).0, ["started 0.000000 s at 5"]);
 }
 
-/// A minute at 5 with the calibration measured as 2, then positions and calibrations without sense for 20 s; what is
-/// told of ends and starts.
+/// A minute at 5 with the calibration measured as 2, then senseless positions and calibrations for 20 s. Returns the
+/// reported ends and starts.
 fn lost(runner: &mut Runner) -> Vec<String> {
     let mut told = Vec::new();
     let mut observer = |event: &Event<'_>| match event {

@@ -1,10 +1,11 @@
 //! Starting anew after the filter has been lost for long.
 //!
-//! A belief that is wrong and firm refuses what would correct it, and gates that re-acquire correct no more than the
-//! motion. So after a declared time the filter gives up. Its initialisers begin anew, and the calibration is that of
-//! before: of the latest belief but one in good health, those noted ten seconds apart.
+//! A wrong belief with a small σ rejects the measurements that would correct it, and gates that re-acquire correct
+//! only the motion. So after a declared time the filter gives up. Its initialisers begin anew. The calibration comes
+//! from the last belief but one in good health; these beliefs are noted ten seconds apart.
 //!
-//! Not where an initialiser reads no stream: what a designer wrote of the beginning of a run is not true later.
+//! The filter does not give up if an initialiser reads no stream: the declared values hold for the
+//! beginning of a run, not later.
 
 use super::ordering::Runner;
 use super::{Event, Halt, Observer};
@@ -13,16 +14,16 @@ use crate::memory::{Memory, Tape};
 use crate::state::Belief;
 use crate::time::{Time, nanos};
 
-/// Between two beliefs that are noted \[ns\]: what contradicts the belief is told sooner.
+/// The interval between two noted beliefs \[ns\]: a contradiction is reported sooner.
 const SPACING: i64 = 10_000_000_000;
 
 /// Follows the health of the filter.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Restart {
-    /// How long the filter may be lost \[ns\]; none: for ever.
+    /// How long the filter may be lost \[ns\]; `None`: for ever.
     after: Option<i64>,
     since: Option<Time>,
-    /// Beliefs in good health, the older one first; meaningful once noted.
+    /// Beliefs in good health, the older belief first; meaningful once noted.
     good: Option<[Belief; 2]>,
     noted: usize,
 }
@@ -49,14 +50,14 @@ impl Restart {
         }
     }
 
-    /// The belief from which the calibration is kept; none where there is none from before.
+    /// The belief from which the calibration is kept; `None` if too few beliefs were noted.
     fn take(&mut self) -> Option<Belief> {
         let noted = core::mem::take(&mut self.noted);
         let [older, _] = self.good.as_ref().filter(|_| noted > 1)?;
         Some(older.clone())
     }
 
-    /// Its memory, beliefs being like `belief`.
+    /// Its memory; its beliefs have the size of `belief`.
     pub(super) fn remember(&mut self, belief: &Belief, tape: &mut Tape<'_>) {
         self.since.remember(tape);
         self.noted.remember(tape);
@@ -71,7 +72,7 @@ impl Restart {
     }
 }
 
-/// Copies what calibration is kept from, without a new allocation; the input is not part of it.
+/// Copies a belief from which the calibration is kept, without a new allocation; the input is not part of it.
 pub(super) fn copy(from: &Belief, to: &mut Belief) {
     to.time = from.time;
     to.x.copy_from_slice(&from.x);
@@ -79,7 +80,8 @@ pub(super) fn copy(from: &Belief, to: &mut Belief) {
 }
 
 impl Runner {
-    /// Where the filter has been lost for `seconds` it starts anew by its initialisers, if all of them read streams.
+    /// If the filter has been lost for `seconds`, it starts anew by its initialisers, provided that all of them read
+    /// streams.
     pub fn restart_lost(&mut self, seconds: f64) {
         self.restart.after = Some(nanos(seconds));
     }

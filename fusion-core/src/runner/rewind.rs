@@ -1,10 +1,9 @@
 //! Going back for rows that come late.
 //!
-//! A design that rewinds is run by two runners. One, *settled*, holds rows back by the horizon: what it
-//! tells is final, each event once. The other, *live*, uses rows as they arrive. Where one is valid before
-//! what has been used, it is restored to a snapshot from before that row, and is served everything since
-//! again, in order. It tells nothing but its newest estimate. After the last row both believe the same,
-//! bit for bit.
+//! A design that rewinds is run by two runners. The *settled* runner holds rows back by the horizon: its reports are
+//! final, each event once. The *live* runner uses rows as they arrive. If a row is valid before the rows that it has
+//! used, it is restored to a snapshot from before that row, and is served everything since then again, in order. It
+//! reports only its newest estimate. After the last row both have the same belief, bit for bit.
 //!
 //! ```text
 //! rows ─┬─▶ settled: held back by the horizon ────────────────▶ events
@@ -13,8 +12,8 @@
 //!             └────── snapshots ◀────┘
 //! ```
 //!
-//! Rows stay in the log, and snapshots in their ring, until the settled runner has passed them: until then
-//! a row may still come that is valid there. Their memory is used again.
+//! Rows stay in the log, and snapshots in their ring, until the settled runner has passed them: until then a row may
+//! still come that is valid there. Their memory is used again.
 
 use super::quarantine::{Admission, Quarantine};
 use super::rows::Row;
@@ -24,10 +23,10 @@ use crate::time::{Time, nanos};
 use core::ops::Range;
 use std::collections::VecDeque;
 
-/// How often a runner went back, and what it keeps to do so.
+/// How often a runner went back, and the data that it keeps for this.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rewinds {
-    /// How often.
+    /// The number of times.
     pub count: u64,
     /// Rows that were used again, in all.
     pub rows: u64,
@@ -39,7 +38,7 @@ pub struct Rewinds {
     pub bytes: usize,
 }
 
-/// What going back takes at most.
+/// The most resources that going back needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RewindNeeds {
     /// The longest time \[s\] from the newest row back to one that is still used.
@@ -48,11 +47,11 @@ pub struct RewindNeeds {
     pub replay: f64,
     /// Snapshots kept.
     pub snapshots: usize,
-    /// Bytes of one, before the first row; each row that waits in it takes some more.
+    /// Bytes of one snapshot before the first row; each waiting row takes some more.
     pub snapshot_bytes: usize,
 }
 
-/// What uses rows as they arrive.
+/// The part of a runner that uses rows as they arrive.
 #[derive(Debug)]
 pub(super) struct Rewind {
     pub(super) live: Runner,
@@ -61,7 +60,7 @@ pub(super) struct Rewind {
     quarantine: Quarantine,
     log: Log,
     ring: Ring,
-    /// The epoch of the estimate told last.
+    /// The epoch of the estimate that was reported last.
     told: Time,
     tally: Tally,
 }
@@ -78,11 +77,11 @@ crate::memory!(Tally { count, rows, most });
 /// A row that may have to be used again.
 #[derive(Debug, Default)]
 struct Logged {
-    /// When it is valid for the first of its consumers.
+    /// The time at which the first of its consumers finds it valid.
     first: Time,
-    /// The latest stamp of all when it came.
+    /// The latest stamp of all streams when it came.
     arrival: Time,
-    /// For consumers for which it is valid earlier it came too late.
+    /// The row came too late for consumers for which it is valid earlier than this.
     from: Time,
     stream: StreamId,
     time: Time,
@@ -123,8 +122,8 @@ impl Logged {
     }
 }
 
-/// Rows by their first validity, those of one time in order of arrival. They are counted from the first
-/// that there ever was.
+/// Rows by their first validity; rows of one time in order of arrival. They are numbered from the first row of the
+/// run.
 #[derive(Debug, Default)]
 struct Log {
     rows: VecDeque<Logged>,
@@ -147,7 +146,7 @@ impl Memory for Log {
 }
 
 impl Log {
-    /// Puts a row in its place; the number of that.
+    /// Puts a row in its place, and returns the number of that place.
     fn put(&mut self, row: &Row<'_>, first: Time, arrival: Time, from: Time) -> u64 {
         let at = self.rows.partition_point(|logged| logged.first <= first);
         let mut logged = self.spare.pop().unwrap_or_default();
@@ -160,7 +159,7 @@ impl Log {
         self.rows.get(usize::try_from(number.checked_sub(self.start)?).ok()?)
     }
 
-    /// When the latest row that was given is valid first.
+    /// The first validity of the latest row that was given.
     fn reach(&self) -> Time {
         self.fed
             .checked_sub(1)
@@ -179,15 +178,15 @@ impl Log {
     }
 }
 
-/// What the live runner remembered.
+/// The memory of the live runner at one time.
 #[derive(Debug, Default)]
 struct Snapshot {
     bytes: Vec<u8>,
     /// The number of the first row that it had not been given.
     fed: u64,
-    /// Up to when it had been given rows; it had used none after that, nor looked at any.
+    /// The time up to which it had been given rows; it had not used or looked at any later row.
     reach: Time,
-    /// Up to when it had used rows.
+    /// The time up to which it had used rows.
     released: Time,
 }
 crate::memory!(Snapshot {
@@ -221,7 +220,7 @@ impl Ring {
         self.snapshots.push_back(snapshot);
     }
 
-    /// Drops the newest while they are `unfit`, all but the oldest.
+    /// Drops the newest snapshots while they are `unfit`, but never the oldest.
     fn drop_newest(&mut self, unfit: impl Fn(&Snapshot) -> bool) {
         while self.snapshots.len() > 1 && self.snapshots.back().is_some_and(&unfit) {
             self.spare.extend(self.snapshots.pop_back());
@@ -230,9 +229,9 @@ impl Ring {
 }
 
 impl Runner {
-    /// Rows are used as they arrive from now on: this runner holds them back by `horizon` seconds more and
-    /// tells what is final, `live` uses them at once, and goes back to a snapshot for one that is valid
-    /// earlier; there is one every `spacing` seconds. `live` is put together as this one is, and both have
+    /// Makes this runner use rows as they arrive from now on. It holds them back by `horizon` seconds more and
+    /// reports the final events. `live` uses them at once, and returns to a snapshot for a row that is valid earlier;
+    /// there is a snapshot every `spacing` seconds. `live` needs the same parts as this runner, and both must have
     /// seen no row.
     pub fn rewind(&mut self, mut live: Self, horizon: f64, spacing: f64) {
         live.is_live = true;
@@ -250,18 +249,18 @@ impl Runner {
         }));
     }
 
-    /// The runner whose belief is the newest: the live one where rows are used as they arrive.
+    /// The runner with the newest belief: the live runner if rows are used as they arrive.
     #[must_use]
     pub fn newest(&self) -> &Self {
         self.rewind.as_ref().map_or(self, |rewind| &rewind.live)
     }
 
-    /// The live runner, to be put together as this one is.
+    /// The live runner, which needs the same parts as this runner.
     pub fn live_mut(&mut self) -> Option<&mut Self> {
         self.rewind.as_mut().map(|rewind| &mut rewind.live)
     }
 
-    /// The same, to be asked about the time to come.
+    /// The runner with the newest belief, for predictions.
     pub(super) fn newest_mut(&mut self) -> &mut Self {
         match self.rewind {
             Some(ref mut rewind) => &mut rewind.live,
@@ -269,7 +268,7 @@ impl Runner {
         }
     }
 
-    /// What going back takes at most, where rows are used as they arrive.
+    /// The most resources that going back needs, if rows are used as they arrive.
     pub fn rewind_needs(&mut self) -> Option<RewindNeeds> {
         let deepest = self.lag();
         let rewind = self.rewind.as_mut()?;
@@ -279,13 +278,13 @@ impl Runner {
         Some(RewindNeeds {
             deepest,
             replay: deepest + spacing,
-            // One before the oldest row that may come, and the one being taken.
+            // One snapshot before the oldest row that may come, and the snapshot being taken.
             snapshots: (deepest / spacing).ceil() as usize + 2,
             snapshot_bytes: bytes.len(),
         })
     }
 
-    /// How often it went back, where rows are used as they arrive.
+    /// How often it went back, if rows are used as they arrive.
     #[must_use]
     pub fn rewinds(&self) -> Option<Rewinds> {
         let rewind = self.rewind.as_ref()?;
@@ -300,8 +299,8 @@ impl Runner {
         })
     }
 
-    /// When `row` is valid for the first of its consumers, of those for which it is not before `from`; none
-    /// where there are none.
+    /// The earliest time at which a consumer finds `row` valid, not before `from`; `None` if there is no such
+    /// consumer.
     fn first_validity(&self, row: &Row<'_>, from: Time) -> Option<Time> {
         let mut first: Option<Time> = None;
         self.each_validity(row, |time, _| {
@@ -324,8 +323,7 @@ impl Runner {
 }
 
 impl Rewind {
-    /// Takes a row; of the settled runner, `from` is the time that it had reached before, and `settled`
-    /// the one that it has reached now.
+    /// Takes a row. The settled runner had reached the time `from` before it, and has reached `settled` now.
     pub(super) fn feed(&mut self, row: &Row<'_>, from: Time, settled: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         let admission = self.quarantine.admit(row, self.live.watermark);
         if admission != Admission::Wait {
@@ -345,13 +343,13 @@ impl Rewind {
         self.tell(observer)
     }
 
-    /// Uses what is left: the end of the log.
+    /// Uses the remaining rows: the end of the log.
     pub(super) fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.live.watched(&mut nobody, |live, watch| live.take_end(watch))?;
         self.tell(observer)
     }
 
-    /// Tells the newest estimate, once.
+    /// Reports the newest estimate, once.
     fn tell(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         let belief = self.live.estimator.belief();
         if !self.live.started || belief.time <= self.told.max(self.live.start_after) {
@@ -374,7 +372,7 @@ impl Rewind {
             self.ring.drop_newest(|snapshot| snapshot.reach >= first);
             self.go_back();
         } else {
-            // What was remembered after rows that come later in the log would never see this one.
+            // A snapshot with rows that are later in the log does not contain this row.
             self.ring.drop_newest(|snapshot| snapshot.fed > number);
             if number < self.log.fed {
                 self.log.fed += 1;
@@ -391,7 +389,7 @@ impl Rewind {
     fn go_back(&mut self) {
         let Some(snapshot) = self.ring.snapshots.back() else { return };
         let watermark = self.live.watermark;
-        // The bytes are its own.
+        // The live runner wrote these bytes itself.
         let _ = recall(&mut self.live, &snapshot.bytes);
         self.live.watermark = watermark;
         let again = self.log.fed.saturating_sub(snapshot.fed);
@@ -401,8 +399,8 @@ impl Rewind {
         self.tally.most = self.tally.most.max(again);
     }
 
-    /// Serves the live runner all that there is, in order. A row is given before anything is served that
-    /// might look at it.
+    /// Serves the live runner all present rows, in order. A row is given before anything is served that might look at
+    /// it.
     fn go_on(&mut self) -> Result<(), Halt> {
         let Self {
             live, log, ring, spacing, ..
@@ -422,20 +420,20 @@ impl Rewind {
         }
     }
 
-    /// Forgets what no row can need any more that the settled runner, being at `settled`, would still take.
+    /// Forgets the data that no future row can need. The settled runner is at `settled`.
     fn age(&mut self, settled: Time) {
         let ring = &mut self.ring;
         while ring.snapshots.get(1).is_some_and(|second| second.reach < settled) {
             ring.spare.extend(ring.snapshots.pop_front());
         }
         if let Some(oldest) = ring.snapshots.front() {
-            // The last of them says how far it had come.
+            // The last of these rows shows how far the live runner had come.
             self.log.forget(oldest.fed.saturating_sub(1));
         }
     }
 }
 
-/// Hears and tells nothing: what is told here is told by the settled runner, once.
+/// Ignores all events: the settled runner reports them, once.
 fn nobody(_: &Event<'_>) {}
 
 /// Gives a row to the live runner.

@@ -14,7 +14,7 @@ pub struct Row<'a> {
     pub stream: StreamId,
     /// Its stamp.
     pub time: Time,
-    /// Its numbers, as many as the stream is wide.
+    /// Its numbers; their count is the width of the stream.
     pub values: &'a [f64],
     /// Its number within its source, for messages: a line, a message's index.
     pub number: u64,
@@ -40,7 +40,7 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Who takes a row. Of one time of validity they are served in this order.
+/// The consumer of a row. At one time of validity, consumers are served in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Consumer {
     #[default]
@@ -49,14 +49,14 @@ pub(super) enum Consumer {
     Initialiser(usize, usize),
     /// Unit, input.
     Stage(usize, usize),
-    /// Finds out when a row of a sensor with an estimated offset is valid: its number.
+    /// Finds the time of validity of a row, for a sensor with an estimated offset: its number.
     Aim(usize),
     /// Rank, number.
     Sensor(usize, usize),
 }
 
 impl Consumer {
-    /// Whether it misses nothing once the filter runs.
+    /// Whether it does not need rows once the filter runs.
     pub(super) const fn is_initialiser(self) -> bool {
         matches!(self, Self::Initialiser(..))
     }
@@ -107,7 +107,7 @@ crate::memory!(Entry { time, consumer, row });
 
 /// Entries by time of validity, then consumer, then arrival.
 ///
-/// Sorted, not a heap: rows come nearly in order, and one in order is put at the end at once.
+/// Sorted, not a heap: rows come nearly in order, and a row in order is put at the end at once.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Queue(VecDeque<Entry>);
 
@@ -167,7 +167,7 @@ impl Slot {
         self.id.stamp
     }
 
-    /// Its identity for a consumer that reads `columns`, or does not say which.
+    /// Its identity for a consumer that reads `columns`; without columns, for any consumer.
     pub(super) fn id(&self, columns: &[usize]) -> RowId {
         RowId {
             disturbed: is_disturbed(&self.disturbed, columns),
@@ -176,7 +176,7 @@ impl Slot {
     }
 }
 
-/// Whether one of `ranges` holds one of `columns`, or any at all where they are not said.
+/// Whether one of `ranges` contains one of `columns`; without columns, whether there is any range.
 fn is_disturbed(ranges: &[Range<usize>], columns: &[usize]) -> bool {
     ranges
         .iter()
@@ -184,7 +184,8 @@ fn is_disturbed(ranges: &[Range<usize>], columns: &[usize]) -> bool {
 }
 
 impl RowId {
-    /// Of a row that arrives at `arrival`, for a consumer that reads `columns`, or does not say which.
+    /// The identity of a row that arrives at `arrival`, for a consumer that reads `columns`; without columns, for any
+    /// consumer.
     pub(super) fn of(row: &Row<'_>, arrival: Time, columns: &[usize]) -> Self {
         Self {
             stream: row.stream,
@@ -203,7 +204,7 @@ pub(super) struct Rows {
     free: Vec<usize>,
 }
 
-/// Rows in flight keep their places; of free ones nothing is remembered.
+/// Rows in flight keep their places; free rows are not saved.
 impl Memory for Rows {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         let used = self.slots.iter().rposition(|slot| slot.uses > 0).map_or(0, |last| last + 1);
@@ -247,7 +248,7 @@ impl Rows {
         at
     }
 
-    /// Whether number `at` is in flight and as wide as `width` says of its stream.
+    /// Whether row number `at` is in flight and has the width that `width` gives for its stream.
     pub(super) fn holds(&self, at: usize, width: impl Fn(StreamId) -> Option<usize>) -> bool {
         let slot = self.slots.get(at).filter(|slot| slot.uses > 0);
         slot.is_some_and(|slot| width(slot.id.stream) == Some(slot.values.len()))
@@ -266,7 +267,7 @@ impl Rows {
         self.free_unused(at);
     }
 
-    /// Frees a row that nobody holds.
+    /// Frees a row that no consumer holds.
     pub(super) fn free_unused(&mut self, at: usize) {
         if self.slots[at].uses == 0 {
             self.free.push(at);

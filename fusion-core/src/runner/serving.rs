@@ -27,7 +27,7 @@ impl Runner {
         Ok(())
     }
 
-    /// Tells the estimate of an epoch that nothing can change any more.
+    /// Reports the estimate of an epoch that no row can change any more.
     pub(super) fn tell_epoch(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         if self.epoch.take().is_none() {
             return Ok(());
@@ -132,7 +132,7 @@ impl Runner {
         self.start_if_ready(time, observer)
     }
 
-    /// Uses the rows of the input that wait, or discards them as spikes.
+    /// Uses the waiting rows of the input, or discards them as spikes.
     pub(super) fn settle_suspects(&mut self, are_used: bool, observer: &mut dyn Observer) -> Result<(), Halt> {
         while let Some((Suspect { time, row }, why)) = self.input.as_mut().and_then(Intake::settle) {
             self.gather_input(row);
@@ -155,7 +155,7 @@ impl Runner {
         }
     }
 
-    /// Uses the row of the input at hand, which ends at `time`.
+    /// Uses the present row of the input, which ends at `time`.
     fn use_input(&mut self, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         let Some(input) = &mut self.input else { return Ok(()) };
         let taken = input.take(time, &self.value, self.process.as_ref());
@@ -189,8 +189,7 @@ impl Runner {
         Ok(())
     }
 
-    /// Runs the estimator over `sample`, or what is left of it, serving the measurements that lie
-    /// inside it.
+    /// Runs the estimator over `sample`, or the rest of it, and serves the measurements inside it.
     pub(super) fn advance(&mut self, sample: &Sample, observer: &mut dyn Observer) -> Result<(), Halt> {
         if !self.started || sample.end <= self.estimator.belief().time {
             return Ok(());
@@ -209,7 +208,7 @@ impl Runner {
         Ok(())
     }
 
-    /// Moves the estimate to `to`; the epoch that it leaves is told first.
+    /// Moves the estimate to `to`; the epoch that it leaves is reported first.
     fn move_to(&mut self, to: Time, input: &Input<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
         if to > self.estimator.belief().time {
             self.tell_epoch(observer)?;
@@ -237,7 +236,7 @@ impl Runner {
         moved
     }
 
-    /// Serves what waits for an input sample that does not come: the latest one is held.
+    /// Serves the measurements that wait for an input sample that does not come: the latest sample is held.
     pub(super) fn serve_waiting(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         if let Some(input) = &mut self.input {
             input.finish();
@@ -261,7 +260,7 @@ impl Runner {
             self.start_if_ready(time, observer)?;
         }
         let waiting = Waiting { time, sensor, row };
-        // What started the filter is not used a second time.
+        // Rows that started the filter are not used a second time.
         if !self.started || time <= self.start_after {
             return self.discard_early(waiting, observer);
         }
@@ -275,7 +274,7 @@ impl Runner {
         self.offer(waiting, None, observer)
     }
 
-    /// Discards a measurement that the filter has not started for, and releases its row.
+    /// Discards a measurement for which the filter has not started, and releases its row.
     pub(super) fn discard_early(&mut self, measurement: Waiting, observer: &mut dyn Observer) -> Result<(), Halt> {
         let Waiting { time, sensor, row } = measurement;
         let s = &self.sensors[sensor];
@@ -290,8 +289,8 @@ impl Runner {
         })
     }
 
-    /// Offers a measurement to the estimator, which stands at its time, and releases its row;
-    /// `during` is the sample that is being run over.
+    /// Offers a measurement to the estimator, whose belief has the same time, and releases its row; `during` is the
+    /// current sample.
     pub(super) fn offer(&mut self, measurement: Waiting, during: Option<&Sample>, observer: &mut dyn Observer) -> Result<(), Halt> {
         let Waiting { time, sensor, row } = measurement;
         let leader = self.sensors[sensor].gate.leader();
@@ -352,7 +351,7 @@ impl Runner {
         self.tell_steps(observer)
     }
 
-    /// The value and R of a sensor's measurement into their buffers; the row's identity.
+    /// Puts the value and R of a sensor's measurement into their buffers. Returns the row's identity.
     fn gather(&mut self, sensor: usize, row: usize) -> RowId {
         let (s, data) = (&self.sensors[sensor], self.rows.get(row));
         if s.port.columns.is_empty() {
@@ -366,7 +365,7 @@ impl Runner {
     }
 }
 
-/// Writes what `last` knows of the calibration to `belief`: a filter that starts again does not lose it.
+/// Writes the calibration of `last` to `belief`: a filter that starts again does not lose it.
 fn keep_calibration(layout: &Layout, last: &Belief, belief: &mut Belief) {
     for block in layout.blocks().iter().filter(|b| b.role == StateRole::Calibration) {
         let storage = block.storage_range();

@@ -44,7 +44,7 @@ impl Runner {
         Ok(())
     }
 
-    /// Tells the stages that no row follows, and uses what they still emit.
+    /// Notifies the stages that no row follows, and uses the rows that they still emit.
     pub(super) fn finish_stages(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         for unit in 0..self.stages.len() {
             let u = &mut self.stages[unit];

@@ -75,7 +75,7 @@ fn port(stream: StreamId, column: usize, delay: f64) -> Port {
     }
 }
 
-/// Feeds rows in this order; what became of the measurements, and the state at the end.
+/// Feeds rows in this order. Returns the outcomes of the measurements, and the state at the end.
 fn fed(runner: &mut Runner, rows: &[(StreamId, Time, Vec<f64>)]) -> (Vec<Outcome>, Vec<f64>) {
     let mut outcomes = Vec::new();
     let mut observer = |event: &Event<'_>| match event {
@@ -103,7 +103,7 @@ fn fed(runner: &mut Runner, rows: &[(StreamId, Time, Vec<f64>)]) -> (Vec<Outcome
     (outcomes, runner.belief().x.clone())
 }
 
-/// The leader's value at second `k`: now and then wild, and denied for a while.
+/// The leader's value at second `k`: sometimes wild, and rejected for a while.
 fn leading(k: i64) -> f64 {
     match k {
         3 | 6 => WILD,
@@ -163,7 +163,7 @@ fn the_latest_verdict_of_the_leader_holds_until_its_next_and_along_a_chain() {
         let is_refused = o.sensor < 3 && REFUSED.contains(&o.time.nanos().div_euclid(1_000_000_000));
         assert_eq!(o.is_used(), !is_refused, "{o:?}");
     }
-    // Three rows of three sensors a second, two before, of which the first starts the filter.
+    // Three rows of three sensors a second, and two rows before; the first of these starts the filter.
     assert_eq!(outcomes.iter().filter(|o| o.sensor > 0).count(), 9 * 30 + 3);
 }
 
@@ -363,8 +363,8 @@ fn a_runner_with_the_memory_of_another_continues_bit_for_bit() {
 
 #[test]
 fn looking_ahead_sees_all_that_is_valid_by_then_in_any_order_of_arrival() {
-    // The third sensor is late as well, has no gate, and moves the estimate about: what the leader's
-    // gate will say depends on rows of it that are stamped after the leader's.
+    // The third sensor is late as well, has no gate, and moves the estimate about. So the decision of the leader's
+    // gate depends on rows of this sensor that are stamped after the leader's row.
     let ports = [
         (port(0, 0, 0.0), None, true),
         (port(0, 1, 1.5), Some(0), false),
@@ -431,7 +431,8 @@ fn a_measurement_inside_an_interval_of_the_input_splits_it() {
         runner.feed(&Row::new(stream, Time::from_seconds(time), &row), &mut listen).unwrap();
     }
     runner.finish(&mut listen).unwrap();
-    // At 2 m/s; the fix at 1.5 s comes after its interval is over and is late. 1e-9: what 1e9 leaves.
+    // At 2 m/s; the fix at 1.5 s comes after the end of its interval and is late. 1e-9: the residue of a noise of
+    // 1e9.
     let wanted = [(0.25, 0.5), (0.75, 1.5)];
     assert_eq!(predicted.len(), wanted.len());
     for (found, wanted) in predicted.iter().zip(wanted) {

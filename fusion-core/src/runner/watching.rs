@@ -4,14 +4,14 @@ use super::{Event, Halt, Observer, Row, RunError, Runner, StreamId};
 use crate::health::{Health, Limits, Monitor, State, Watched};
 use crate::time::Time;
 
-/// Lets a monitor hear every event first, and tells what changes of the health.
+/// Lets a monitor hear every event first, and reports the changes of the health.
 pub(super) struct Watch<'a, 'b> {
     monitor: &'a mut Monitor,
     observer: &'b mut dyn Observer,
 }
 
 impl Watch<'_, '_> {
-    /// A row of `stream` is there.
+    /// Notes a row of `stream`.
     pub(super) fn beat(&mut self, stream: StreamId, stamp: Time) {
         self.monitor.row(stream, stamp);
     }
@@ -38,12 +38,12 @@ impl Observer for Watch<'_, '_> {
 }
 
 impl Runner {
-    /// Says what the health is judged by; to be called before the first row.
+    /// Sets the limits by which the health is judged; to be called before the first row.
     pub fn set_limits(&mut self, limits: Limits) {
         self.limits = limits;
     }
 
-    /// What the health is judged by.
+    /// The limits by which the health is judged.
     #[must_use]
     pub const fn limits(&self) -> Limits {
         self.limits
@@ -59,7 +59,7 @@ impl Runner {
     /// Takes a row and processes everything it completes.
     ///
     /// # Errors
-    /// A row of the wrong width, which changes nothing; an observer that cannot go on.
+    /// A row of the wrong width, which changes nothing; an observer that cannot continue.
     pub fn feed(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), RunError> {
         let from = self.released;
         self.watched(observer, |runner, watch| {
@@ -78,7 +78,7 @@ impl Runner {
     /// Processes everything that has been held back: the end of the log.
     ///
     /// # Errors
-    /// An observer that cannot go on.
+    /// An observer that cannot continue.
     pub fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.watched(observer, |runner, watch| runner.take_end(watch))?;
         match &mut self.rewind {
@@ -87,7 +87,7 @@ impl Runner {
         }
     }
 
-    /// Does `work` while the monitor hears. Meanwhile the runner, which may look ahead, has none.
+    /// Does `work` while the monitor hears. Meanwhile the runner has no monitor, because it may look ahead.
     pub(super) fn watched<T>(&mut self, observer: &mut dyn Observer, work: impl FnOnce(&mut Self, &mut Watch<'_, '_>) -> T) -> T {
         let mut monitor = self.monitor.take().unwrap_or_else(|| Box::new(self.new_monitor()));
         let monitored = &mut *monitor;

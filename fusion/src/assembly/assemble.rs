@@ -16,7 +16,7 @@ use fusion_models::earth::Gravity;
 use fusion_models::vocabulary::channel;
 use std::sync::Arc;
 
-/// How far ahead of all others a stamp may be where nothing is declared \[s\].
+/// How far ahead of all others a stamp may be, if not declared \[s\].
 const LONGEST_JUMP: f64 = 10.0;
 /// How long the filter may be lost, if not declared \[s\]: as long as gates take to re-acquire.
 const RESTART_LOST: f64 = 30.0;
@@ -30,7 +30,7 @@ pub struct Assembly {
     pub layout: Arc<Layout>,
     /// The process model.
     pub process: Arc<dyn Process>,
-    /// The sensors' models, in order of their numbers, with what they read.
+    /// The sensors' models, in order of their numbers, with the channels that they read.
     pub sensors: Vec<SensorInfo>,
     /// All streams, in order of their numbers.
     pub streams: Vec<StreamLayout>,
@@ -42,10 +42,10 @@ pub struct Assembly {
     pub fingerprint: u64,
 }
 
-/// Builds `design` over streams whose channels are known; streams nobody declares take the
-/// channels their consumers ask for, in the order of the file.
+/// Builds `design` over streams with known channels. An undeclared stream takes the channels that its
+/// consumers ask for, in the order of the file.
 ///
-/// Where the design says so, its runner goes back for rows that come late: it has a second one inside.
+/// With `order = "rewind"` the runner goes back for late rows: it contains a second runner.
 ///
 /// # Errors
 /// Every mistake found.
@@ -69,7 +69,7 @@ fn assemble_once(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembl
     }
 }
 
-/// Tells `d` every mistake of the declared sources and of assembling the draft; where there is none, it
+/// Reports every mistake of the declared sources and of the assembly to `d`. A draft without a mistake
 /// can be assembled.
 pub(crate) fn check(draft: &Draft, d: &mut Diagnostics) {
     let (streams, vague) = known_streams(draft, d);
@@ -78,7 +78,7 @@ pub(crate) fn check(draft: &Draft, d: &mut Diagnostics) {
     d.extend(a.d.iter().cloned());
 }
 
-/// What a runner consists of.
+/// The parts of a runner.
 pub(super) struct Parts {
     pub(super) input: Option<Port>,
     pub(super) limits: InputLimits,
@@ -97,12 +97,12 @@ impl Parts {
     }
 }
 
-/// Where the rows of a design come from, for the filters inside it as well.
+/// The origin of the rows of a design, also for the filters inside it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Data<'a> {
     pub(super) sources: &'a [Named<SourceDesign>],
     pub(super) is_simulated: bool,
-    /// Whether the simulated world could not be read, or which stream one of its sensors makes.
+    /// Set if the simulated world, or the stream of one of its sensors, could not be read.
     pub(super) is_unread: bool,
 }
 
@@ -120,7 +120,7 @@ pub(super) struct Assembler<'a, P> {
     pub(super) design: &'a Design<P>,
     pub(super) process: Option<&'a Named<ProcessDesign>>,
     pub(super) streams: Vec<StreamLayout>,
-    /// Streams of which not everything is known, for a mistake told before.
+    /// Streams that are incomplete because of a mistake that is already reported.
     pub(super) vague: Vec<String>,
     pub(super) data: Data<'a>,
     /// The filters inside stages, as far as they are assembled.
@@ -154,7 +154,7 @@ impl<'a, P> Assembler<'a, P> {
         }
     }
 
-    /// The assembly, where nothing is wrong.
+    /// The assembly, if there are no mistakes.
     fn assemble(&mut self) -> Option<Assembly> {
         let (process, parts, infos) = self.blocks();
         self.check_restart();
@@ -177,7 +177,7 @@ impl<'a, P> Assembler<'a, P> {
         let is_moved = process.is_some();
         let mut models = Vec::new();
         for sensor in &design.sensors {
-            // Of a sensor that could not be built the mistakes are told already.
+            // The mistakes of a sensor that could not be built are already reported.
             let is_led = sensor.block.model.follows().is_none_or(|name| !self.failed.contains(&name));
             let built = (is_moved && is_led).then(|| self.build(sensor, sensors::build)).flatten();
             if built.is_none() {
@@ -223,7 +223,7 @@ impl<'a, P> Assembler<'a, P> {
         }
     }
 
-    /// Whether a block names a state, `sensor.parameter`, of a sensor that could not be built.
+    /// Returns true if a block names a state, `sensor.parameter`, of a sensor that could not be built.
     fn shares_with_failed(&self, node: &Node) -> bool {
         let is_state_of_failed = |text: &str| text.split_once('.').is_some_and(|(owner, _)| self.failed.contains(&owner));
         node.any(&|node| node.as_str().is_some_and(is_state_of_failed))
@@ -283,7 +283,7 @@ impl<'a, P> Assembler<'a, P> {
         units
     }
 
-    /// A process with input says itself when it starts anew.
+    /// Reports `restart_after` for a process with input: that process restarts when its input is silent.
     fn check_restart(&mut self) {
         let is_driven = self.process.is_some_and(|process| !process.block.model.input().is_empty());
         if is_driven && self.design.run.restart_after.is_some() {

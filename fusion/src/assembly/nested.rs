@@ -16,7 +16,7 @@ use fusion_models::units::{Dimension, Dimensional, dim, parse_unit};
 use fusion_models::vocabulary::{channel, state};
 use std::sync::Arc;
 
-/// A filter inside a stage, as those who hear it need it.
+/// A filter inside a stage, with the data that its observers need.
 #[derive(Debug)]
 pub struct Inside {
     /// The stage's name.
@@ -29,7 +29,7 @@ pub struct Inside {
     pub process: Arc<dyn Process>,
     /// By sensor, in order of their numbers: its stream inside, and the columns that it reads.
     pub reads: Vec<(StreamId, Vec<usize>)>,
-    /// What is known of them besides.
+    /// Further data of these sensors.
     pub sensors: Vec<SensorInfo>,
     /// The filters inside it.
     pub filters: Vec<Inside>,
@@ -52,7 +52,7 @@ impl<'a, P> Assembler<'a, P> {
                     self.streams.push(layout);
                     units.push(unit);
                 }
-                // What it would have emitted is not missed.
+                // Its outputs are not reported as missing.
                 None => self.vague.push(named.name.clone()),
             }
         }
@@ -138,8 +138,8 @@ impl<'a, P> Assembler<'a, P> {
         }
     }
 
-    /// A filter reads those before it: a stream that was made up for want of another is not one of
-    /// them.
+    /// A filter may read only filters declared before it. Reports a stream that was created because the
+    /// filter of this name comes later.
     fn check_order(&mut self, named: &Named<Draft>, made_up: &[StreamLayout]) {
         let is_filter = |name: &str| self.design.filters.iter().any(|f| f.name == name);
         if let Some(later) = made_up.iter().find(|s| !s.declared && is_filter(&s.name)) {
@@ -149,8 +149,8 @@ impl<'a, P> Assembler<'a, P> {
         }
     }
 
-    /// Takes over what the consumers inside have asked of streams that nobody declares. By stream inside:
-    /// the stream outside that it is, if it is one.
+    /// Takes over the channels that the consumers inside ask for on undeclared streams. Returns, for each
+    /// stream inside, the same stream outside, or `None`.
     fn adopt(&mut self, inside: &[StreamLayout], outside: usize) -> Vec<Option<StreamId>> {
         self.streams.clone_from_slice(&inside[..outside]);
         let mut origins: Vec<Option<StreamId>> = (0..outside).map(Some).collect();
@@ -206,8 +206,8 @@ fn localise(streams: &mut Vec<StreamLayout>, parts: &mut Parts, origins: &[Optio
     inlets
 }
 
-/// What the stage emits: the states with their 1σ, the signals, and what else the row holds that
-/// drives the process.
+/// The outputs of the stage: the states with their 1σ, the signals, and the other channels of the row
+/// that drives the process.
 fn outlets(layout: &Layout, driving: Option<(&StreamLayout, i64)>) -> (Vec<Outlet>, Vec<Channel>) {
     let (mut outlets, mut channels) = (Vec::new(), Vec::<Channel>::new());
     for block in layout.blocks() {

@@ -41,7 +41,7 @@ impl<P> Assembler<'_, P> {
         }
     }
 
-    /// What the samples of the process may be like.
+    /// The limits of the samples of the process input.
     pub(super) fn input_limits(&mut self) -> InputLimits {
         let Some(process) = self.process else {
             return InputLimits::default();
@@ -104,8 +104,8 @@ impl<P> Assembler<'_, P> {
         Some(port)
     }
 
-    /// What computes with several channels of a row needs them valid at one instant: of unlike latencies all but the
-    /// largest would change nothing.
+    /// Checks that the channels a block reads from one row have the same latency. The block needs them valid at one
+    /// instant: of different latencies, only the largest would have an effect.
     pub(super) fn check_latencies(&mut self, port: Option<&Port>, channels: &[Channel], node: &Node) {
         let Some(port) = port else { return };
         let layout = &self.streams[port.stream];
@@ -127,8 +127,8 @@ impl<P> Assembler<'_, P> {
         self.d.push(Diagnostic::error(message).at(node.place_of("source")).help(help));
     }
 
-    /// The stream of that name; one that nobody declares is made up only where the design has no
-    /// sources at all: a filter to be fed by its program.
+    /// The stream called `name`. An undeclared stream is created only if the design has no sources at all:
+    /// a program feeds such a filter.
     fn stream(&mut self, name: &str, channels: &[Channel], node: &Node) -> Option<StreamId> {
         let serves = |s: &StreamLayout| channels.iter().all(|c| s.channel(&c.name).is_some());
         let is_alias = |s: &StreamLayout| s.alias.as_deref() == Some(name);
@@ -158,7 +158,7 @@ impl<P> Assembler<'_, P> {
         None
     }
 
-    /// A channel of the stream; where its channels are not declared, it takes this one in.
+    /// A channel of the stream. A stream without declared channels takes `wanted` as a new channel.
     pub(super) fn channel(&mut self, stream: StreamId, wanted: &Channel, node: &Node) -> Option<StreamChannel> {
         let layout = &mut self.streams[stream];
         let is_vague = |layout: &StreamLayout| {
@@ -226,7 +226,7 @@ fn naming<'n>(node: &'n Node, stream: &[&str]) -> &'n Place {
     find(node, stream).unwrap_or_else(|| node.place_of("source"))
 }
 
-/// What of the declaration of a channel is not as wanted: its columns, or their unit.
+/// The part of a channel's declaration that does not fit: its columns, or their unit.
 fn misfit<'n>(channel: &'n Node, wanted: &Channel, layout: &StreamLayout) -> &'n Place {
     let has_width = layout.channel(&wanted.name).is_some_and(|found| found.width == wanted.width);
     let key = if has_width { "unit" } else { "columns" };

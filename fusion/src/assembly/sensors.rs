@@ -13,10 +13,10 @@ use fusion_models::block::{Build, BuildError, Channel, Reading, SensorSpec, chec
 use fusion_models::units::{Dimension, range};
 use std::sync::Arc;
 
-/// What is known of a sensor besides its runtime model.
+/// The data of a sensor in addition to its runtime model.
 #[derive(Debug)]
 pub struct SensorInfo {
-    /// Its name; of one row of a sensor whose rows are measurements of their own, `sensor.row`.
+    /// Its name; `sensor.row` if each row of the sensor is a separate measurement.
     pub name: String,
     /// Its model.
     pub model: Arc<dyn Measurement>,
@@ -30,13 +30,13 @@ pub struct SensorInfo {
     pub channels: Vec<Channel>,
     /// Its declared delay \[s\], with the fixed or initial value of its time offset.
     pub delay: f64,
-    /// Its time offset, where that is a state.
+    /// Its time offset, if that is a state.
     pub offset: Option<Slot<Scalar>>,
     /// Declared 1σ per residual row; empty where only the source reports it.
     pub sigma: Vec<f64>,
     /// Dimension of each residual row.
     pub rows: Vec<Dimension>,
-    /// Name of each residual row; empty where they have none.
+    /// Name of each residual row; empty without names.
     pub axes: &'static [&'static str],
 }
 
@@ -49,23 +49,23 @@ pub(super) fn build(design: &SensorDesign, b: &mut Build<'_>) -> Result<Built, B
     Ok((model, b.param("time_offset", &design.common.time_offset)?))
 }
 
-/// How far above and below its initial value the rows of an estimated time offset may follow it, in σ;
-/// what is beyond is taken to first order. Above, all rows are held back for as long; below costs
+/// How far above and below its initial value an estimated time offset may shift the rows, in σ. A larger
+/// shift is treated to first order. The limit above delays all rows by that time; the limit below costs
 /// nothing.
 const REACH: [f64; 2] = [6.0, 12.0];
 
 /// When rows are valid.
 struct Timing {
-    /// Before their stamp, by what is declared \[s\].
+    /// Declared time before their stamp \[s\].
     declared: f64,
-    /// By the most that is allowed for \[s\].
+    /// Largest time before their stamp that is allowed for \[s\].
     most: f64,
     offset: Option<Offset>,
 }
 
 impl<P> Assembler<'_, P> {
-    /// Connects sensor `number` of the design, whose model has been built; its other mistakes are found without a
-    /// model. One whose rows are measurements of their own becomes as many sensors.
+    /// Connects sensor `number` of the design to its built model. Without a model, it still finds the other mistakes.
+    /// If each row of the sensor is a separate measurement, it becomes one sensor per row.
     pub(super) fn sensor(&mut self, number: usize, built: Option<Built>) -> Option<Vec<(Sensor, SensorInfo)>> {
         let design = &self.design.sensors[number];
         let SensorDesign { model: spec, common, .. } = &design.block;
@@ -131,7 +131,7 @@ impl<P> Assembler<'_, P> {
         parts.map(|(row, model)| self.part(design, (&sensor, &info), row, model)).collect()
     }
 
-    /// The sensor that row `row` of the sensor `whole` is, with its own gate and loss.
+    /// The sensor for row `row` of the sensor `whole`, with its own gate and loss.
     fn part(
         &self,
         design: &Named<SensorDesign>,
@@ -247,7 +247,7 @@ impl<P> Assembler<'_, P> {
         infos.iter().map(build).collect()
     }
 
-    /// Whether the filter is a bank, or may be one that could not be read.
+    /// Returns true if the filter is a bank, or if `[filter]` could not be read.
     fn has_bank(&self) -> bool {
         self.design.filter.bank.is_some() || self.design.unread.filter
     }

@@ -5,13 +5,13 @@ use crate::design::{Design, SimulationDesign};
 use fusion_models::block::{Channel, imu_channels};
 use fusion_models::sim::{IMU, ODOMETRY, REFERENCE, TRACK_SPEEDS, odometry_channels, reference_channels, ship_channels, track_channels};
 
-/// What the process calls its source, be the process itself right or wrong.
+/// The source that the process names, even if the process itself has mistakes.
 fn process_source<P>(design: &Design<P>) -> Option<&str> {
     design.document.root().at("process.source")?.as_str()
 }
 
-/// The stream that carries what is simulated as `name`. For the unit that drives the process, odometry
-/// where there is any, it is what the process calls its source, unless that is a stage.
+/// The stream of the simulated instrument `name`. The instrument that drives the process is the odometry if
+/// it is simulated, otherwise the IMU. Its stream is the source that the process names, unless that is a stage.
 pub fn stream_of<'a, P>(design: &'a Design<P>, name: &'a str) -> &'a str {
     let has_odometry = design.simulation.as_ref().is_some_and(|s| s.block.world.odometry.is_some());
     let driving = if has_odometry { ODOMETRY } else { IMU };
@@ -25,7 +25,7 @@ pub fn stream_of<'a, P>(design: &'a Design<P>, name: &'a str) -> &'a str {
 /// The streams of a simulated world.
 pub(super) fn simulated_streams<P>(design: &Design<P>, simulation: &SimulationDesign) -> Vec<StreamLayout> {
     let mut streams = Vec::new();
-    // A process that has a source is driven by the unit: one that is missing is told by the simulator.
+    // A process with a source is driven by the IMU; the simulator reports a missing IMU.
     let has_odometry = simulation.world.odometry.is_some();
     if simulation.world.imu.is_some() || (process_source(design).is_some() && !has_odometry) {
         streams.push(StreamLayout::of(stream_of(design, IMU), None, &imu_channels()));
@@ -41,7 +41,7 @@ pub(super) fn simulated_streams<P>(design: &Design<P>, simulation: &SimulationDe
         streams.extend(own.map(|(i, name)| StreamLayout::of(&name, None, &ship_channels(i))));
     }
     for (sensor, source, channels) in simulated(design, simulation) {
-        // A sensor that reads what a stage makes leaves the stream of its name to that stage.
+        // A sensor that reads the output of a stage leaves the stream of that name to the stage.
         let is_stage = design.stages.iter().any(|stage| stage.name == source);
         streams.push(StreamLayout::of(sensor, Some(source).filter(|_| !is_stage), &channels));
     }
@@ -49,8 +49,7 @@ pub(super) fn simulated_streams<P>(design: &Design<P>, simulation: &SimulationDe
     streams
 }
 
-/// The sensors of a design that are simulated, those among them that the filter leaves out too: name, source, what they
-/// read.
+/// The simulated sensors of a design, including those that the filter leaves out: name, source, channels.
 fn simulated<'a, P>(design: &'a Design<P>, simulation: &'a SimulationDesign) -> impl Iterator<Item = (&'a str, &'a str, Vec<Channel>)> {
     design.sensors.iter().chain(&design.left_out).filter_map(|named| {
         let channels = named.block.model.reading().channels().to_vec();

@@ -1,4 +1,4 @@
-//! Streams: what their rows consist of, and which of them a design declares.
+//! Streams: the channels of their rows, and the streams that a design declares.
 
 use crate::config::Diagnostics;
 use crate::design::Design;
@@ -6,7 +6,7 @@ use fusion_models::block::{Channel, Shape};
 use fusion_models::fault::ProvidedChannel;
 use fusion_models::units::Dimension;
 
-/// A named group of numbers in the rows of a stream, where it lies.
+/// A named group of numbers in the rows of a stream, with its position in the row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StreamChannel {
     /// Its name.
@@ -15,16 +15,16 @@ pub struct StreamChannel {
     pub offset: usize,
     /// How many numbers.
     pub width: usize,
-    /// Their dimension, where they have one.
+    /// Their dimension, if they have one.
     pub dimension: Dimension,
-    /// What they are.
+    /// Their shape, such as a vector or a quaternion.
     pub shape: Shape,
     /// Valid this many nanoseconds before the stamp.
     pub delay: i64,
 }
 
 impl StreamChannel {
-    /// Whether it is what a consumer wants.
+    /// Returns true if it has the width, shape and dimension that a consumer wants.
     pub(super) fn fits(&self, wanted: &Channel) -> bool {
         self.width == wanted.width
             && self.shape == wanted.shape
@@ -37,7 +37,7 @@ impl StreamChannel {
 pub struct StreamLayout {
     /// Its name.
     pub name: String,
-    /// The source that its sensor names, where a simulated sensor has a stream of its own.
+    /// The source that its sensor names, if a simulated sensor has its own stream.
     pub alias: Option<String>,
     /// Its channels, in order.
     pub channels: Vec<StreamChannel>,
@@ -52,7 +52,7 @@ impl StreamLayout {
         self.channels.iter().map(|c| c.offset + c.width).max().unwrap_or(0)
     }
 
-    /// Of a source that provides these channels.
+    /// The layout of a source that provides these channels.
     #[must_use]
     pub fn provided(name: &str, channels: &[ProvidedChannel]) -> Self {
         let channels = channels.iter().map(|p| StreamChannel {
@@ -120,7 +120,7 @@ pub fn declared_streams(design: &Design) -> Result<Vec<StreamLayout>, Diagnostic
     d.unless_errors(streams)
 }
 
-/// The streams whose declarations are right, and the names of those of which not everything is known.
+/// The streams with correct declarations, and the names of the incomplete streams.
 pub(super) fn known_streams<P>(design: &Design<P>, d: &mut Diagnostics) -> (Vec<StreamLayout>, Vec<String>) {
     let mut vague = design.unread.streams.clone();
     let mut streams = Vec::new();

@@ -1,4 +1,4 @@
-//! What was wrong, where it was written and what to do about it.
+//! Diagnostics: the mistake, its place in the text, and how to correct it.
 
 pub use fusion_models::spelling::did_you_mean;
 
@@ -11,7 +11,7 @@ use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet}
 /// A text that diagnostics quote: a file, or an argument of the command line.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Source {
-    /// What to call it: the file's path.
+    /// Its name: the file's path.
     pub name: String,
     /// Its whole content.
     pub text: String,
@@ -40,7 +40,7 @@ pub enum Place {
 }
 
 impl Place {
-    /// Whether `inner` stands within it.
+    /// Returns true if `inner` is within it.
     pub(crate) fn holds(&self, inner: &Self) -> bool {
         match (self, inner) {
             (Self::Text { source, span }, Self::Text { source: of, span: at }) => {
@@ -80,7 +80,7 @@ impl Place {
 pub enum Severity {
     /// Nothing can be built.
     Error,
-    /// It can be built, but is probably not what was meant.
+    /// The design can be built, but the user probably meant something else.
     Warning,
 }
 
@@ -94,9 +94,9 @@ pub struct Diagnostic {
     pub message: String,
     /// Where it was made.
     pub place: Place,
-    /// A few words beside the underlined text.
+    /// A few words next to the underlined text.
     pub label: Option<String>,
-    /// What to do about it.
+    /// How to correct it.
     pub help: Option<String>,
 }
 
@@ -128,7 +128,7 @@ impl Diagnostic {
         }
     }
 
-    /// Says where the mistake was made.
+    /// Sets the place of the mistake.
     pub fn at(self, place: &Place) -> Self {
         Self {
             place: place.clone(),
@@ -136,7 +136,7 @@ impl Diagnostic {
         }
     }
 
-    /// Puts a few words beside the underlined text.
+    /// Puts a few words next to the underlined text.
     pub fn label(self, label: impl Into<String>) -> Self {
         Self {
             label: Some(label.into()),
@@ -144,7 +144,7 @@ impl Diagnostic {
         }
     }
 
-    /// Says what to do about it.
+    /// Sets the help: how to correct the mistake.
     pub fn help(self, help: impl Into<String>) -> Self {
         Self {
             help: Some(help.into()),
@@ -152,7 +152,7 @@ impl Diagnostic {
         }
     }
 
-    /// Says more about what to do.
+    /// Adds to the help.
     pub fn and_help(self, more: impl fmt::Display) -> Self {
         let help = match self.help.as_deref() {
             None => more.to_string(),
@@ -162,8 +162,8 @@ impl Diagnostic {
         self.help(help)
     }
 
-    /// Suggests the name that was probably meant by `word`: beside the underlined text, or in the
-    /// help where there is none.
+    /// Suggests the name that was probably meant by `word`: next to the underlined text, or in the help if
+    /// the place has no text.
     pub fn meant(self, word: &str, known: &[&str]) -> Self {
         let is_quoted = matches!(self.place, Place::Text { .. });
         match did_you_mean(word, known).map(|meant| format!("did you mean `{meant}`?")) {
@@ -173,7 +173,7 @@ impl Diagnostic {
         }
     }
 
-    /// As [`meant`](Self::meant), and lists what is known.
+    /// As [`meant`](Self::meant), and lists the known names.
     pub fn suggest(self, word: &str, known: &[&str], what: &str) -> Self {
         let diagnostic = self.meant(word, known);
         match known {
@@ -215,13 +215,13 @@ impl Diagnostic {
 pub struct Diagnostics(Vec<Diagnostic>);
 
 impl Diagnostics {
-    /// None yet.
+    /// No diagnostics yet.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Adds one; what several blocks stumble over is told once.
+    /// Adds a diagnostic. The same diagnostic from several blocks is kept once.
     pub fn push(&mut self, diagnostic: Diagnostic) {
         if !self.0.contains(&diagnostic) {
             self.0.push(diagnostic);
@@ -233,7 +233,7 @@ impl Diagnostics {
         result.map_err(|diagnostic| self.push(diagnostic)).ok()
     }
 
-    /// Whether there is none, not even a warning.
+    /// Returns true if it contains neither errors nor warnings.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
@@ -258,12 +258,12 @@ impl Diagnostics {
     /// `value`, unless there are errors.
     ///
     /// # Errors
-    /// Where there are errors: all diagnostics.
+    /// All diagnostics, if there are errors among them.
     pub fn unless_errors<T>(self, value: T) -> Result<T, Self> {
         if self.has_errors() { Err(self) } else { Ok(value) }
     }
 
-    /// The text to print; ask for colour where it goes to a terminal.
+    /// The text to print; set `color` for a terminal.
     #[must_use]
     pub fn render(&self, color: bool) -> String {
         let renderer = if color { Renderer::styled() } else { Renderer::plain() };

@@ -14,15 +14,15 @@ use super::diagnostic::{Diagnostic, Place, Source};
 #[derive(Clone, Debug)]
 pub struct Document {
     pub(super) root: Arc<Node>,
-    /// The same without the variants that were laid over it; none where none was.
+    /// The tree without the variants that were laid over it; `None` without variants.
     pub(super) base: Option<Arc<Node>>,
     pub(super) changes: Changes,
 }
 
-/// What was changed in a document since it was read, in order.
+/// The changes made to a document since it was read, in order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
-    /// The tables that were laid over it, as `variant.udu`.
+    /// The tables that were laid over it, for example `variant.udu`.
     pub overlays: Vec<String>,
     /// The values that were set, as `gate.threshold=9`.
     pub edits: Vec<String>,
@@ -32,13 +32,13 @@ pub struct Changes {
 #[derive(Clone, Debug)]
 pub struct Node {
     pub(super) value: Value,
-    /// Where the value stands; for a table with a header, the header.
+    /// The place of the value; for a table with a header, the place of the header.
     pub(super) place: Place,
-    /// Where the key stands; in an array, the value.
+    /// The place of the key; in an array, the place of the value.
     pub(super) name: Place,
 }
 
-/// What a node holds.
+/// The value of a node.
 #[derive(Clone, Debug)]
 pub enum Value {
     /// Text.
@@ -74,8 +74,8 @@ pub struct Entry {
 impl Document {
     /// Reads `text`; `name` is what diagnostics call it.
     ///
-    /// Where there are syntax errors the document holds what could be made out: reading it further
-    /// finds more mistakes, but some of them mere consequences.
+    /// If there are syntax errors, the document holds the readable parts. Further reading finds more
+    /// mistakes, but some of them are only consequences.
     pub fn parse(name: &str, text: &str) -> (Self, Vec<Diagnostic>) {
         let source = Arc::new(Source {
             name: name.to_owned(),
@@ -127,7 +127,7 @@ impl Document {
         }
     }
 
-    /// What was changed in it.
+    /// The changes made to it.
     #[must_use]
     pub const fn changes(&self) -> &Changes {
         &self.changes
@@ -149,32 +149,32 @@ impl Document {
         &self.root
     }
 
-    /// The whole tree, for whoever goes on with the document.
+    /// The whole tree, for later use independent of the document.
     pub(crate) fn shared(&self) -> Arc<Node> {
         Arc::clone(&self.root)
     }
 }
 
 impl Node {
-    /// What it holds.
+    /// Its value.
     #[must_use]
     pub fn value(&self) -> &Value {
         &self.value
     }
 
-    /// Where the value stands.
+    /// The place of the value.
     #[must_use]
     pub fn place(&self) -> &Place {
         &self.place
     }
 
-    /// Where its key stands.
+    /// The place of its key.
     #[must_use]
     pub fn name_place(&self) -> &Place {
         &self.name
     }
 
-    /// The entries of a table, in the order of the file; none where it is no table.
+    /// The entries of a table, in the order of the file; empty if the node is not a table.
     #[must_use]
     pub fn entries(&self) -> &[Entry] {
         match &self.value {
@@ -183,7 +183,7 @@ impl Node {
         }
     }
 
-    /// The entries of a table, to be changed; none where the node is no table.
+    /// The entries of a table, mutable; empty if the node is not a table.
     pub fn entries_mut(&mut self) -> &mut [Entry] {
         match &mut self.value {
             Value::Table { entries, .. } => entries,
@@ -242,8 +242,8 @@ impl Node {
         path.split('.').try_fold(self, |node, key| node.get(key))
     }
 
-    /// Where the value at a dotted path stands, or where the deepest table on the way to it has its
-    /// name: for mistakes that come to light only once a block is built.
+    /// The place of the value at a dotted path, or of the name of the deepest table on the path. It is for
+    /// mistakes that are found only when a block is built.
     #[must_use]
     pub fn place_of(&self, path: &str) -> &Place {
         let mut node = self;
@@ -256,9 +256,9 @@ impl Node {
         &node.place
     }
 
-    /// Moves the entries named in `keys` into a table of their own at the same place.
+    /// Moves the entries named in `keys` into a separate table at the same place.
     ///
-    /// The remaining table still suggests them, should one have been misspelt.
+    /// The remaining table still suggests these keys for a misspelt one.
     #[must_use]
     pub fn split_off(&mut self, keys: &[&str]) -> Self {
         let mut split = Vec::new();
@@ -283,7 +283,7 @@ impl Node {
         }
     }
 
-    /// Gives a key of the table a value, in place of one that it has; a node that is no table stays as it is.
+    /// Sets the value of a key of the table; it replaces an existing value. A node that is not a table does not change.
     pub(crate) fn put(&mut self, key: &str, node: Self) {
         let Value::Table { entries, .. } = &mut self.value else { return };
         match entries.iter_mut().find(|entry| entry.key == key) {
@@ -310,7 +310,7 @@ impl Value {
     }
 }
 
-/// The errors in the order of the text, of which the first of a line often causes the others.
+/// The first error of each line, in the order of the text: it often causes the other errors of the line.
 fn first_of_each_line(text: &str, mut errors: Vec<toml::de::Error>) -> impl Iterator<Item = toml::de::Error> {
     let start = |error: &toml::de::Error| error.span().map_or(text.len(), |span| span.start);
     let line = |error: &mut toml::de::Error| {
@@ -322,7 +322,7 @@ fn first_of_each_line(text: &str, mut errors: Vec<toml::de::Error>) -> impl Iter
     errors.into_iter()
 }
 
-/// Grows the tree from what the TOML parser found.
+/// Grows the tree from the result of the TOML parser.
 pub(super) struct Grower {
     pub(super) source: Arc<Source>,
     /// Where the parsed text begins in the source.
@@ -341,7 +341,7 @@ impl Grower {
         diagnostic.at(&self.place(error.span().unwrap_or(length..length)))
     }
 
-    /// A node for `value`, whose key stands at `name`.
+    /// A node for `value`; `name` is the place of its key.
     pub(super) fn node(&mut self, name: Option<Place>, value: &Spanned<DeValue<'_>>) -> Node {
         let place = self.place(value.span());
         let value = match value.get_ref() {
@@ -357,7 +357,7 @@ impl Grower {
                     0
                 }))
             }
-            // Grammatical by now; 1e999 reads as infinite, and no quantity accepts that.
+            // The parser has checked the syntax; 1e999 reads as infinite, and no quantity accepts that.
             DeValue::Float(number) => Value::Float(number.as_str().parse().unwrap_or(f64::NAN)),
             DeValue::Boolean(flag) => Value::Boolean(*flag),
             DeValue::Datetime(instant) => Value::Datetime(*instant),

@@ -9,19 +9,18 @@ use toml::de::DeValue;
 use super::diagnostic::{Diagnostic, Place, Source};
 use super::document::{Document, Entry, Grower, Node, Value};
 
-/// What diagnostics call the arguments of the command line.
+/// The name of the command line in diagnostics.
 pub(super) const COMMAND_LINE: &str = "command line";
 
 impl Document {
     /// Sets one value from an argument such as `gate.threshold=9`, replacing what was there.
     ///
-    /// The value is TOML; whatever does not begin like an array, a table or a string may stand
-    /// without quotes: `rate=100 Hz`. An array is indexed: `lever_arm.0=0.2`. Tables on the way that
-    /// are not there are made; where that is a slip, their reader will reject them. Mistakes are later
-    /// pointed at in the argument.
+    /// The value is TOML. A value that does not begin like an array, a table or a string needs no quotes:
+    /// `rate=100 Hz`. An array is indexed: `lever_arm.0=0.2`. Missing tables on the path are created; if the
+    /// path is wrong, the reader of the table rejects it. Later diagnostics point to the argument.
     ///
     /// # Errors
-    /// Where the argument is malformed or its path leads nowhere.
+    /// The argument is malformed, or its path does not exist.
     pub fn set(&mut self, assignment: &str) -> Result<(), Diagnostic> {
         const PREFIX: &str = "--set ";
         let source = Arc::new(Source {
@@ -38,19 +37,19 @@ impl Document {
 
         assign(Arc::make_mut(&mut self.root), &source, PREFIX.len()..equals)?;
         if let Some(base) = &mut self.base {
-            // What only a variant has is not there.
+            // A path that exists only in a variant is missing here.
             drop(assign(Arc::make_mut(base), &source, PREFIX.len()..equals));
         }
         self.changes.edits.push(assignment.to_owned());
         Ok(())
     }
 
-    /// Whether a value was [set](Self::set), or stands in one that was.
+    /// Returns true if a value was [set](Self::set), or is inside a value that was.
     pub(crate) fn is_set(&self, node: &Node) -> bool {
         matches!(&node.place, Place::Text { source, .. } if source.name == COMMAND_LINE)
     }
 
-    /// Takes the table or value `key` of the whole tree away, if it is there.
+    /// Removes the table or value `key` from the whole tree, if it exists.
     pub(crate) fn remove(&mut self, key: &str) {
         Arc::make_mut(&mut self.root).take(key);
     }
@@ -67,7 +66,7 @@ impl Document {
     /// `shared`, or was.
     ///
     /// # Errors
-    /// Where there is no table at `path`.
+    /// There is no table at `path`.
     pub fn overlay(&mut self, path: &str) -> Result<(), Diagnostic> {
         let mut node = &*self.root;
         for key in path.split('.') {
@@ -85,7 +84,7 @@ impl Document {
     }
 }
 
-/// Sets the value at the path that stands at `path` of an argument; the value follows it and `=`.
+/// Sets a value from an argument. `path` is the range of the path in the text; `=` and the value follow.
 fn assign(root: &mut Node, source: &Arc<Source>, path: Range<usize>) -> Result<(), Diagnostic> {
     let (mut node, mut start) = (root, path.start);
     while let Some(length) = source.text[start..path.end].find('.') {
@@ -110,7 +109,7 @@ fn assign(root: &mut Node, source: &Arc<Source>, path: Range<usize>) -> Result<(
     Ok(())
 }
 
-/// The child of that name, made where a table has none.
+/// The child of that name; it is created if the table does not have it.
 fn child<'n>(node: &'n mut Node, key: &str, place: &Place) -> Result<&'n mut Node, Diagnostic> {
     let is_new = node.get(key).is_none() && !key.is_empty();
     if let Value::Table { entries, .. } = &mut node.value
@@ -161,8 +160,8 @@ fn parse_value(source: &Arc<Source>, start: usize, name: &Place) -> Result<Node,
     grower.found.pop().map_or(Ok(node), Err)
 }
 
-/// Whether one table would replace another whose fields mean something else: a block of another `type`, or of a
-/// parameter that is `shared` and one that is not, either.
+/// Returns true if one table would replace another whose fields have another meaning. That is a block of another
+/// `type`, or two declarations of a parameter of which only one is `shared`.
 pub(super) fn is_retyped(base: &Node, over: &Node) -> bool {
     let type_of = |node: &Node| node.get("type").and_then(Node::as_str).map(str::to_owned);
     let has = |node: &Node, key: &str| node.get(key).is_some();
@@ -196,7 +195,7 @@ fn merge(base: &mut Node, over: &Node) {
     }
 }
 
-/// Whether each key is that of an element of an array of `length`, as in `columns.2 = "…"`.
+/// Returns true if each key is an index into an array of `length` elements, as in `columns.2 = "…"`.
 fn has_indices(over: &Node, length: usize) -> bool {
     let is_index = |e: &Entry| e.key.parse::<usize>().is_ok_and(|k| k < length);
     !over.entries().is_empty() && over.entries().iter().all(is_index)
@@ -262,7 +261,7 @@ mod tests {
         assert_eq!((get::<i64>(&document, "gate.limit"), get::<i64>(&document, "gate.age")), (9, 1));
         assert_eq!(get::<i64>(&document, "sensor.gnss.rate"), 2);
         assert_eq!(get::<Vec<f64>>(&document, "arm"), [0.0, 7.0, 1.0]);
-        // There is no such element: a table where an array is wanted is told.
+        // There is no such element, so a table replaces the array; the reader reports it.
         assert_eq!(document.root().get("old").unwrap().keys(), ["3"]);
     }
 

@@ -1,4 +1,4 @@
-//! What serde found wrong, kept by kind until it can be said in words.
+//! The mistakes that serde finds, kept by kind until they become messages.
 
 use std::fmt;
 
@@ -17,7 +17,7 @@ pub(super) enum Fault {
         found: String,
         wanted: String,
     },
-    /// An array where the fields of a table are wanted by name.
+    /// An array instead of a table with named fields.
     ArrayForTable {
         fields: Names,
     },
@@ -37,7 +37,7 @@ pub(super) enum Fault {
 }
 
 impl Fault {
-    /// The same where one of these names was expected.
+    /// The same fault, with the names that were expected.
     pub(super) fn among(self, names: Names) -> Self {
         match self {
             Self::Unexpected { found, .. } => Self::Unexpected {
@@ -132,7 +132,7 @@ impl Error for Fault {
     }
 }
 
-/// What serde expects, for readers who do not know Rust.
+/// The type that serde expects, in words for readers who do not know Rust.
 fn in_words(expected: &str) -> String {
     match expected {
         "f64" | "f32" => "a number",

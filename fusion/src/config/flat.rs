@@ -10,8 +10,8 @@ use super::edit::COMMAND_LINE;
 const COMMENTS: usize = 56;
 
 impl Document {
-    /// The whole tree as TOML, without its variants: each value on a line of its own with the file and
-    /// line it was written in, the variant that brought it, or `--set`.
+    /// The whole tree as TOML, without its variants. Each value is on a separate line with its origin: the
+    /// file and line, the variant, or `--set`.
     #[must_use]
     pub fn flat(&self) -> String {
         let mut writer = Writer {

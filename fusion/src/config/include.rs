@@ -1,11 +1,11 @@
 //! A declaration put together from parts: `include = ["parts/imu/hg1700.toml"]`.
 //!
-//! What a file says itself wins over what it includes, and of its includes the later wins. Tables
-//! merge entry by entry, everything else is replaced; a block of another `type` replaces the
-//! included one as a whole. Entries keep their order, included ones first. Every value keeps its place.
+//! The values of a file win over the values of its includes; a later include wins over an earlier one.
+//! Tables merge entry by entry, everything else is replaced. A block of another `type` replaces the whole
+//! included block. Entries keep their order, included ones first. Every value keeps its place.
 //!
-//! A variant may include too: its parts are laid under the variant's own values. So may a stage: the
-//! filter inside a stage is a design, which may lie in a file of its own.
+//! A variant may include too: its parts are laid under the variant's own values. A stage may include too:
+//! the filter inside a stage is a design, and may be in a separate file.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -67,7 +67,7 @@ impl Files {
         }
     }
 
-    /// The names of the files beside `path`.
+    /// The names of the files in the folder of `path`.
     fn beside(self, path: &Path) -> Vec<String> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let name = |path: &Path| Some(path.file_name()?.to_string_lossy().into_owned());
@@ -108,11 +108,10 @@ impl Document {
         d.unless_errors(document)
     }
 
-    /// Puts the files that the document includes under it; `file` is where it stands itself, from
-    /// whose folder the paths start.
+    /// Puts the included files under the document. `file` is the file of the document; paths start in its
+    /// folder.
     ///
-    /// Returns the mistakes. Where there are syntax errors among them the document holds what could
-    /// be made out.
+    /// Returns the mistakes. If there are syntax errors among them, the document holds the readable parts.
     pub fn compose(&mut self, file: &Path, files: Files) -> Vec<Diagnostic> {
         let mut composer = Composer {
             files,
@@ -182,7 +181,7 @@ impl Composer {
             };
             self.values = self.values.saturating_add(part.count());
             if self.values > MOST_VALUES {
-                // Told once: what is included from here on is passed over.
+                // Reported once: all further includes are ignored.
                 if !core::mem::replace(&mut self.is_full, true) {
                     let full = Diagnostic::error(format!("the included files have more than {MOST_VALUES} values together"));
                     self.found

@@ -1,4 +1,4 @@
-//! What is wrong with a block that was read, shown where its field was written.
+//! Mistakes of a block that was read, shown at the place of the field.
 
 use super::{Diagnostic, Node};
 use fusion_models::block::BuildError;

@@ -81,7 +81,7 @@ fn read(node: &Node, diagnostics: &mut Diagnostics) -> Option<Box<dyn Sensor>> {
     node.read_block("sensor", &SENSORS, diagnostics)
 }
 
-/// What is said of a sensor that is right but for `line`, its fifth.
+/// The messages for a sensor that is correct except for `line`, its fifth line.
 fn complaints(line: &str) -> String {
     complaints_after(&[], &format!("{SENSOR}{line}\n"))
 }

@@ -1,8 +1,8 @@
 //! From a node to a spec, collecting mistakes.
 //!
-//! serde stops at the first mistake. So the culprit is reported, hidden, and the node read once more,
-//! until it reads to its end or what is left fails only for want of something hidden. Trait objects
-//! pass all errors on as text; the culprit is therefore kept beside the error, not in it.
+//! serde stops at the first mistake. So the wrong node is reported and hidden, and the reading is repeated.
+//! It ends when it succeeds, or when it fails only because a hidden node is missing. Trait objects turn all
+//! errors into text; therefore the wrong node is kept next to the error, not in it.
 
 use std::cell::RefCell;
 use std::collections::HashSet;
@@ -21,10 +21,10 @@ pub(super) const TYPE: &str = "type";
 const MOST: usize = 50;
 
 impl Node {
-    /// Reads the node as a `T`, reporting as many mistakes as can be told apart.
+    /// Reads the node as a `T`, and reports as many independent mistakes as possible.
     ///
-    /// A table read as a [`Nested`] trait object (externally tagged typetag) or as an enum names its
-    /// variant by `type` beside the fields, at any depth; a name alone, `"nis"`, is short for
+    /// A table read as a [`Nested`] trait object (externally tagged typetag) or as an enum has the name of
+    /// its variant in the field `type`, at any depth. The name alone, `"nis"`, is short for
     /// `{ type = "nis" }`.
     pub fn read<T: DeserializeOwned>(&self, diagnostics: &mut Diagnostics) -> Option<T> {
         let mut hidden = HashSet::new();
@@ -53,8 +53,8 @@ impl Node {
         None
     }
 
-    /// Reads the node as a block: a table whose `type` is among the `known` ones of this `role`,
-    /// such as `gate` or `process model`.
+    /// Reads the node as a block: a table whose `type` is one of the `known` types of this `role`. A role
+    /// is for example `gate` or `process model`.
     pub fn read_block<T: ?Sized>(&self, role: &str, known: &[&str], diagnostics: &mut Diagnostics) -> Option<Box<T>>
     where
         Box<T>: DeserializeOwned,
@@ -63,8 +63,8 @@ impl Node {
         self.read::<Nested<T>>(diagnostics).map(|block| block.0)
     }
 
-    /// Tells which of the `required` fields this block, which could not be read, does not have, but for what was told
-    /// after the first `before` mistakes: serde stops at the first that is missing.
+    /// Reports the `required` fields that are missing in this unreadable block: serde stops at the first missing
+    /// field. Fields already reported after the first `before` diagnostics are not repeated.
     pub fn miss(&self, required: &[&str], before: usize, diagnostics: &mut Diagnostics) {
         let has = |field: &str| self.entries().iter().any(|entry| did_you_mean(&entry.key, &[field]).is_some());
         for field in required.iter().filter(|field| !has(field)) {
@@ -105,7 +105,7 @@ impl Node {
         }
     }
 
-    /// Whether this node or any below it is so.
+    /// Returns true if `is` holds for this node or for a node below it.
     pub fn any(&self, is: &dyn Fn(&Self) -> bool) -> bool {
         is(self) || self.children().any(|child| child.any(is))
     }
@@ -127,7 +127,7 @@ pub(super) struct Attempt<'a> {
     blame: RefCell<Option<Blame<'a>>>,
 }
 
-/// A mistake, where it is shown, and the node that is to be hidden for it.
+/// A mistake, the place where it is shown, and the node to hide for it.
 pub(super) struct Blame<'a> {
     pub(super) node: &'a Node,
     pub(super) place: &'a Place,
@@ -137,7 +137,7 @@ pub(super) struct Blame<'a> {
 }
 
 impl Blame<'_> {
-    /// Whether this is wrong only because something has been hidden.
+    /// Returns true if this is wrong only because a node has been hidden.
     fn is_consequence(&self, hidden: &Hidden) -> bool {
         let is_hidden = |node: &Node| hidden.contains(&std::ptr::from_ref(node));
         match &self.fault {

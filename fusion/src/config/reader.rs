@@ -2,9 +2,9 @@
 //!
 //! A block, `{ type = "nis", probability = 0.99 }`, is presented as `{ nis = { probability = 0.99 } }`:
 //! the externally tagged form, which typetag reads without buffering and serde as an enum. A map is
-//! read as a block where it is asked for as a [`Nested`](fusion_models::block::Nested) one.
+//! read as a block if the target type is [`Nested`](fusion_models::block::Nested).
 //!
-//! A struct is read from a table alone, though serde would take an array for one, field by field.
+//! A struct is read only from a table, although serde would accept an array with its fields in order.
 
 use fusion_models::block::NESTED;
 use serde::de::value::BorrowedStrDeserializer;
@@ -20,7 +20,7 @@ use super::read::{Attempt, Blame, TYPE};
 pub(super) struct Reader<'r, 'a> {
     node: &'a Node,
     attempt: &'r Attempt<'a>,
-    /// Whether `type` has been dealt with and is no field any more.
+    /// Set if `type` is already read and is no longer a field.
     typed: bool,
     /// Whether a map is a block.
     block: bool,
@@ -36,8 +36,8 @@ impl<'r, 'a> Reader<'r, 'a> {
         }
     }
 
-    /// Reads what `seed` asks for; also what it says afterwards, as `serde(try_from)` does, is said of
-    /// this node.
+    /// Reads the type of `seed`. Errors after reading, such as those of `serde(try_from)`, also refer to this
+    /// node.
     fn read<S: DeserializeSeed<'a>>(self, seed: S) -> Result<S::Value, Fault> {
         seed.deserialize(self).map_err(|fault| self.blame(fault))
     }
@@ -84,7 +84,7 @@ impl<'r, 'a> Reader<'r, 'a> {
         }
     }
 
-    /// The name of the type and its fields; `None` where this can be neither block nor enum.
+    /// The name of the type and its fields; `None` if this cannot be a block or an enum.
     fn tagged(self) -> Option<Tagged<'r, 'a>> {
         let (name, place) = match (&self.node.value, self.node.get(TYPE)) {
             (Value::String(name), _) => (name.as_str(), &self.node.place),
@@ -223,7 +223,7 @@ impl<'a, I: Iterator<Item = &'a Entry>> MapAccess<'a> for Fields<'_, 'a, I> {
 struct Word<'r, 'a> {
     /// Empty where a `type` is missing.
     text: &'a str,
-    /// What is to be hidden if it is wrong.
+    /// The node to hide if the word is wrong.
     node: &'a Node,
     place: &'a Place,
     /// Fields to suggest although they are read elsewhere.
@@ -277,7 +277,7 @@ impl<'a> Deserializer<'a> for Word<'_, 'a> {
 
 /// A block or an enum: the name of its type, then its fields.
 struct Tagged<'r, 'a> {
-    /// Empty where there is none.
+    /// Empty if the `type` is missing.
     name: &'a str,
     place: &'a Place,
     content: Reader<'r, 'a>,

@@ -7,24 +7,24 @@ use std::path::Path;
 /// Bytes of one file. Its tree takes about seven times as much memory.
 pub const LONGEST: u64 = 16 << 20;
 
-/// What UTF-16 texts begin with, the low byte first or the high one.
+/// The byte order marks of UTF-16: low byte first, high byte first.
 const UTF_16: [[u8; 2]; 2] = [[0xff, 0xfe], [0xfe, 0xff]];
 
-/// Why a file is no text of a design.
+/// Why a file is not the text of a design.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Unread {
     /// There is no such file.
     Missing,
-    /// What it is instead, or what happened, and what to do.
+    /// The reason, and the help.
     Because(String, &'static str),
 }
 
 /// The text of a file.
 ///
 /// # Errors
-/// It is missing, is no file, is larger than 16 MiB, or is not UTF-8 text.
+/// The file is missing, is not a regular file, is larger than 16 MiB, or is not UTF-8 text.
 pub fn read_text(path: &Path) -> Result<String, Unread> {
-    // To open a pipe that nobody writes to would wait for ever; a device has no end.
+    // Opening a pipe without a writer would wait forever; a device has no end.
     if std::fs::metadata(path).is_ok_and(|what| !what.is_file() && !what.is_dir()) {
         return Err(because("it is a pipe or a device, not a file", "write its text to a file first"));
     }
@@ -35,7 +35,7 @@ fn because(why: &str, help: &'static str) -> Unread {
     Unread::Because(why.to_owned(), help)
 }
 
-/// The same of a pipe too, for what is named on a command line: whoever writes to it may take time.
+/// The text of a file or a pipe that is named on a command line. It waits for the writer of a pipe.
 ///
 /// # Errors
 /// As [`read_text`].

@@ -1,4 +1,4 @@
-//! What the tables of blocks are read as: each block with its name, its place and its siblings.
+//! The types that the tables of blocks are read into: each block with its name, its place and its siblings.
 
 use super::truth::Truth;
 use super::{InputSpec, NoiseSpec, OnlyWithSpec};
@@ -12,7 +12,7 @@ use fusion_models::units::dim;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// What stands beside a sensor's own fields.
+/// The fields of every sensor, in addition to those of its model.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorCommon {
@@ -40,7 +40,7 @@ pub struct Named<T> {
     pub name: String,
     /// Its table, for messages.
     pub node: Node,
-    /// What was read.
+    /// The block itself.
     pub block: T,
 }
 
@@ -51,9 +51,9 @@ pub struct SensorDesign {
     pub model: Box<dyn SensorSpec>,
     /// Source and noise.
     pub common: SensorCommon,
-    /// The gate; none passes everything.
+    /// The gate; without a gate, every measurement is accepted.
     pub gate: Option<Box<dyn GateSpec>>,
-    /// The loss; none is least squares.
+    /// The loss; without a loss, least squares.
     pub loss: Option<Box<dyn LossSpec>>,
 }
 
@@ -65,7 +65,7 @@ pub type Fault = (String, Box<dyn FaultSpec>);
 pub struct SourceDesign {
     /// The source.
     pub source: Box<dyn SourceSpec>,
-    /// What goes wrong with it, in order.
+    /// The faults of its rows, in order.
     pub faults: Vec<Fault>,
 }
 
@@ -74,9 +74,9 @@ pub struct SourceDesign {
 pub struct SimulationDesign {
     /// The world and the errors of its sensors.
     pub world: SimulationSpec,
-    /// By stream, `imu` or a sensor: what goes wrong with it, in order.
+    /// By stream, `imu` or a sensor: the faults of its rows, in order.
     pub faults: Vec<(String, Vec<Fault>)>,
-    /// What is truly other than the filter believes.
+    /// The true values that differ from those of the filter.
     pub truth: Option<Truth>,
 }
 
@@ -87,6 +87,6 @@ pub struct ProcessDesign {
     pub model: Box<dyn ProcessSpec>,
     /// The source of its input.
     pub source: Option<String>,
-    /// What its input may be like.
+    /// The limits of its input.
     pub input: InputSpec,
 }

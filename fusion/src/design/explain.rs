@@ -1,7 +1,7 @@
-//! What a field is, said beside a value of it that was refused.
+//! The description of a field, shown next to a refused value.
 //!
-//! A message says what is wrong and gives an example. What the field means, and the words that it takes,
-//! are in the schema: they are looked up by the path of the refused value.
+//! A message names the mistake and gives an example. The schema has the description of the field and the words
+//! that it accepts; they are looked up by the path of the refused value.
 
 use super::schema::{self, Whole};
 use crate::config::{Diagnostics, Node, Severity, Value};
@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 /// Which blocks there are is settled when the program is linked.
 static WHOLE: LazyLock<Whole> = LazyLock::new(schema::whole);
 
-/// Adds what the field is to each error that has no advice yet.
+/// Adds the description of the field to each error that has no help yet.
 pub(crate) fn explain(root: &Node, d: &mut Diagnostics) {
     for error in d.iter_mut().filter(|e| e.severity == Severity::Error && e.help.is_none()) {
         let mut path = Vec::new();
@@ -25,7 +25,7 @@ pub(crate) fn explain(root: &Node, d: &mut Diagnostics) {
     }
 }
 
-/// The path of the first node that is so.
+/// Finds the path of the first node for which `is` holds.
 fn find<'n>(node: &'n Node, is: &dyn Fn(&Node) -> bool, path: &mut Vec<&'n str>) -> bool {
     /// Keys of elements; a longer array is of numbers that are alike.
     const INDICES: [&str; 10] = ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9"];
@@ -44,7 +44,7 @@ fn find<'n>(node: &'n Node, is: &dyn Fn(&Node) -> bool, path: &mut Vec<&'n str>)
 }
 
 fn help(whole: &Whole, root: &Node, path: &[&str], field: usize) -> Option<String> {
-    // What is not described itself is described with its table.
+    // A field without a description is described by its table.
     let described = (0..=field).rev().find_map(|last| {
         let text = whole.description(whole.at(root, &path[..=last])?)?;
         Some(format!("`{}`: {text}", path[last]))
@@ -86,7 +86,7 @@ impl Whole {
         own.chain(choices).find_map(|(schema, node, path)| self.below(schema, node, path))
     }
 
-    /// The first paragraph of what a schema says of its value, in one line.
+    /// The first paragraph of the description in a schema, in one line.
     fn description(&self, schema: &Json) -> Option<String> {
         let text = schema["description"].as_str();
         let text = text.or_else(|| self.resolved(schema)["description"].as_str())?;

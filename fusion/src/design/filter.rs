@@ -14,11 +14,11 @@ use serde::de::value::StrDeserializer;
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FilterSpec {
-    /// A named choice of the axes below; each that is named besides takes its place.
+    /// A preset of the axes below. An axis that is declared too replaces that of the preset.
     pub backend: Option<PresetSpec>,
-    /// What the covariance is the covariance of.
+    /// The error coordinates that the covariance refers to.
     pub chart: Option<ChartSpec>,
-    /// Vectors in body axes, such as the biases of inertial sensors, under an invariant chart.
+    /// How an invariant chart treats vectors in body axes, such as the biases of inertial sensors.
     pub biases: Option<BiasesSpec>,
     /// How a measurement is linearised.
     pub update: Option<UpdateSpec>,
@@ -27,21 +27,21 @@ pub struct FilterSpec {
     /// An iterated update ends when a step is shorter than this many σ of the estimate given the
     /// measurement; 0.001 by default.
     pub tolerance: Option<f64>,
-    /// How far the sigma points of an unscented update lie.
+    /// How far the sigma points of an unscented update are from the estimate.
     pub spread: Option<SpreadSpec>,
     /// How the covariance is stored and kept positive.
     pub form: Option<FormSpec>,
-    /// What becomes of the covariance when the state moves by a correction.
+    /// How the covariance changes when a correction moves the state.
     pub reset: Option<ResetSpec>,
-    /// Calibrations get only a share 1/k² of the corrections by a sensor whose NIS is k² times its expectation, beyond what
-    /// chance explains. It is for receivers with large errors after their start. Where the state is wrong and not the sensor,
-    /// calibrations are learnt later.
+    /// Calibrations get only a share 1/k² of the corrections by a sensor whose NIS is k² times its expectation, beyond
+    /// chance. It is for receivers with large errors after their start. If the state is wrong and not the sensor,
+    /// calibrations converge later.
     #[serde(default)]
     pub protect_calibrations: bool,
-    /// Carries what may be true as hypotheses until it is known: for sensors whose gate is `hypotheses`, and
+    /// Keeps several hypotheses until the data decide between them: for sensors whose gate is `hypotheses`, and
     /// for starts without a heading.
     pub bank: Option<BankSpec>,
-    /// What computes, where a run names it: no part of a design, which is to run everywhere.
+    /// The kernel that computes, if a run selects one. It is not part of a design: a design runs on every machine.
     #[serde(skip)]
     pub kernel: Option<Kernel>,
 }
@@ -52,10 +52,10 @@ pub struct FilterSpec {
 pub struct BankSpec {
     /// The most hypotheses, 1 to 100; 20 by default.
     pub hypotheses: usize,
-    /// How many headings, all round, a start is tried with whose heading is hardly known, or the first angle
-    /// that is estimated and as uncertain; 1 by default.
+    /// The number of headings, in even steps over the full circle, that a start tries if its heading is hardly
+    /// known; 1 by default. The start turns the attitude, or the first estimated angle that is as uncertain.
     pub headings: usize,
-    /// Another hypothesis than before is shown when it is so many times as probable; 1e6 by default.
+    /// The displayed hypothesis changes if another one is this many times as probable; 1e6 by default.
     pub switch: f64,
 }
 
@@ -71,7 +71,7 @@ impl Default for BankSpec {
 }
 
 impl BankSpec {
-    /// What it says to the bank.
+    /// The limits of the bank.
     #[must_use]
     pub fn limits(self) -> BankLimits {
         BankLimits {
@@ -122,9 +122,9 @@ pub enum ChartSpec {
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum BiasesSpec {
-    /// Their errors stay beside the group: the imperfect extension.
+    /// Their errors are not part of the group: the imperfect extension.
     Imperfect,
-    /// They belong to it: the two-frames group.
+    /// Their errors are part of the group: the two-frames group.
     TwoFrames,
 }
 
@@ -138,8 +138,7 @@ pub enum UpdateSpec {
     Iterated,
     /// Sigma points, for the prediction too.
     Unscented,
-    /// What is measured is what the state becomes, without a covariance: the latest value of each
-    /// instrument.
+    /// The measurement replaces the state, without a covariance: the latest value of each instrument.
     Outright,
 }
 
@@ -170,13 +169,13 @@ pub enum FormSpec {
     Joseph,
     /// (I − KH)P.
     Standard,
-    /// U D Uᵀ by Bierman and Thornton: positive whatever the ratio of the noises.
+    /// U D Uᵀ by Bierman and Thornton: positive for every ratio of the noises.
     Udu,
-    /// S Sᵀ by orthogonal transformations: positive whatever the ratio of the noises.
+    /// S Sᵀ by orthogonal transformations: positive for every ratio of the noises.
     SquareRoot,
 }
 
-/// What becomes of P at a correction.
+/// How P changes at a correction.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum ResetSpec {
@@ -190,7 +189,7 @@ pub enum ResetSpec {
 struct Mistake(&'static str, String, &'static str);
 
 impl FilterSpec {
-    /// Whether there is one estimate, at which alone each measurement is linearised.
+    /// Returns true if each measurement is linearised once, at a single estimate.
     #[must_use]
     pub fn linearises_once(&self) -> bool {
         matches!(self.backend().update, UpdateKind::Single) && self.bank.is_none_or(|bank| bank.headings <= 1)
@@ -258,7 +257,7 @@ impl FilterSpec {
         backend
     }
 
-    /// The backend in the words of TOML: `body / single / joseph`, then what differs from the usual.
+    /// The backend in the words of TOML: `body / single / joseph`, then the other settings that are not the default.
     #[must_use]
     pub fn backend_name(&self) -> String {
         let backend = self.backend();
@@ -289,11 +288,11 @@ impl FilterSpec {
         words.join(" / ")
     }
 
-    /// The table that a backend is named by on the command line, such as `ekf` or `invariant+iterated`: a
+    /// The table `[filter]` for a backend named on the command line, such as `ekf` or `invariant+iterated`: a
     /// preset and any axes, each by its own word.
     ///
     /// # Errors
-    /// A word that is none, with what it may have been meant to be.
+    /// A word that does not name a backend or an axis, with the word that was probably meant.
     pub fn table_of(words: &str) -> Result<String, Diagnostic> {
         let mut keys = Vec::new();
         for word in words.split('+').map(str::trim) {
@@ -310,7 +309,7 @@ impl FilterSpec {
         Ok(format!("filter={{ {} }}", keys.join(", ")))
     }
 
-    /// The table. A chart, an update or a form that is named as a backend is told by its own key.
+    /// Reads the table. If `backend` names a chart, an update or a form, the message shows its right key.
     pub(super) fn of(node: &Node, d: &mut Diagnostics) -> Option<Self> {
         let named = node.get("backend").and_then(|backend| Some((backend, backend.as_str()?)));
         let Some((backend, word, key)) = named
@@ -325,7 +324,7 @@ impl FilterSpec {
         None
     }
 
-    /// What of the table contradicts itself.
+    /// Reports a contradiction within the table.
     pub(super) fn check(&self, node: &Node, d: &mut Diagnostics) {
         if let Some(mistake) = self.contradiction() {
             mistake.tell(Some(node), node, d);
@@ -429,8 +428,8 @@ impl FilterSpec {
         None
     }
 
-    /// What of the table has no meaning for the states of `layout`; `node` is the table, `otherwise` where it
-    /// is pointed at without one.
+    /// Reports entries of the table that have no meaning for the states of `layout`. `node` is the table; without
+    /// a table, the message points to `otherwise`.
     pub(crate) fn check_layout(&self, layout: &Layout, node: Option<&Node>, otherwise: &Node, d: &mut Diagnostics) {
         let ChartKind::Invariant(_, biases) = self.backend().chart else {
             return;

@@ -1,4 +1,4 @@
-//! `[health]`: what the filter's health is judged by.
+//! `[health]`: the limits for the filter's health.
 
 use crate::config::{Diagnostic, Diagnostics, Node};
 use fusion_core::health::{Floor, Limits};
@@ -12,7 +12,7 @@ use serde::Deserialize;
 pub struct HealthSpec {
     /// The filter is aligned once no axis of its attitude has a greater 1σ; 15 deg by default.
     pub aligned: Option<Positive<dim::Angle>>,
-    /// Gaps of the process's input up to this length are of no account; 0.2 s by default.
+    /// Gaps of the process's input up to this length are ignored; 0.2 s by default.
     pub coasting: Option<NonNegative<dim::Duration>>,
     /// How large the innovations of a sensor may be.
     pub innovations: InnovationsSpec,
@@ -23,22 +23,23 @@ pub struct HealthSpec {
     pub reacquired: Option<NonNegative<dim::Duration>>,
     /// How long a sensor may be silent.
     pub silent: SilentSpec,
-    /// How long nothing need measure position or velocity, three periods of what did so last at least; 30 s by default.
+    /// How long the filter may be without a measurement of position or velocity; 30 s by default, and at least three
+    /// periods of the last sensor that measured them.
     pub unaided: Option<NonNegative<dim::Duration>>,
-    /// How far an estimated calibration parameter may be from its initial value, in units of its
-    /// initial 1σ and of what it has walked since, and a slow error from zero, in units of its stationary
-    /// 1σ; 5 by default.
+    /// How far an estimated calibration parameter may be from its initial value; 5 by default. The unit is its
+    /// initial 1σ, together with its random walk since then. For a slow error it is the distance from zero, in
+    /// units of its stationary 1σ.
     pub calibration: Option<Positive<dim::Ratio>>,
-    /// How far a parameter may move while sensors contradict the estimate, in units of what its own
-    /// covariance explains; 5 by default. It is told until the parameter is back or learnt anew.
+    /// How far a parameter may move while sensors contradict the estimate, in units of the change that its own
+    /// covariance explains; 5 by default. It is reported until the parameter is back or is estimated anew.
     pub pulled: Option<Positive<dim::Ratio>>,
     /// How far a parameter may move within a minute in which no sensor contradicts the estimate, in units of the 1σ
     /// that it had; 8 by default.
     pub jumped: Option<Positive<dim::Ratio>>,
-    /// The least 1σ that the motion can be known with; an axis with a smaller one from the start on is declared to be
-    /// known.
+    /// The smallest plausible 1σ of the motion. An axis with a smaller 1σ from the start counts as known by
+    /// declaration.
     pub floor: FloorSpec,
-    /// How long a reason is told after it has ceased to hold; 5 s by default.
+    /// How long a reason is still reported after it has ceased to hold; 5 s by default.
     pub hold: Option<NonNegative<dim::Duration>>,
 }
 
@@ -51,10 +52,10 @@ pub struct InnovationsSpec {
     pub degraded: Option<Positive<dim::Ratio>>,
     /// Beyond it the filter is lost; 10 by default.
     pub lost: Option<Positive<dim::Ratio>>,
-    /// Their mean is tested, axis by axis, and counts where it lasts for the window: how long a filter without error runs on average until one of its sensors is
-    /// called biased; 100 h by default.
+    /// The mean time until a filter without error calls one of its sensors biased; 100 h by default. The test
+    /// checks the mean innovation of each axis; it must last for the window.
     pub false_alarm: Option<Positive<dim::Duration>>,
-    /// The time that they are averaged over, ten measurements at least; 10 s by default.
+    /// The time that they are averaged over, at least ten measurements; 10 s by default.
     pub window: Option<Positive<dim::Duration>>,
 }
 
@@ -62,10 +63,10 @@ pub struct InnovationsSpec {
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RejectedSpec {
-    /// After so long, and three measurements, the filter is degraded; 2 s by default. Two sensors
-    /// that are rejected at once degrade it at once.
+    /// After this time, and three measurements, the filter is degraded; 2 s by default. Two sensors that
+    /// are rejected at the same time degrade it at once.
     pub degraded: Option<NonNegative<dim::Duration>>,
-    /// After so long the filter is lost, where no sensor has been used meanwhile; 30 s by default.
+    /// After this time the filter is lost, if no sensor has been used meanwhile; 30 s by default.
     pub lost: Option<NonNegative<dim::Duration>>,
 }
 
@@ -121,7 +122,7 @@ impl HealthSpec {
         }
     }
 
-    /// Tells where a filter would be lost before it is degraded.
+    /// Reports limits by which a filter would be lost before it is degraded.
     pub(super) fn check(&self, node: &Node, d: &mut Diagnostics) {
         let limits = self.limits();
         let pairs = [

@@ -1,23 +1,23 @@
-//! `input` of the process: what its samples may be like.
+//! `input` of the process: the limits of its samples.
 
 use fusion_models::units::{PerAxis, Positive, dim};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// What the samples that drive the process may be like; where they are not, or do not come, the process
-/// goes on without.
+/// The limits of the samples that drive the process. If a sample exceeds them or is missing, the process
+/// continues without it.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InputSpec {
-    /// What the instruments measure at most, by channel, e.g. `angular_rate = "300 deg/s"`: a sample with
+    /// The measuring range of the instruments, by channel, e.g. `angular_rate = "300 deg/s"`: a sample with
     /// a number beyond it is not used.
     #[serde(default)]
     pub range: BTreeMap<String, PerAxis>,
-    /// The longest time that one sample stands for; by default ten times what is usual among the
-    /// samples, and at least 0.1 s. Where the next one is later, the process coasts.
+    /// The longest time that one sample is valid for. By default it is ten times the usual interval of the
+    /// samples, and at least 0.1 s. If the next sample is later, the process coasts.
     pub longest_interval: Option<Positive<dim::Duration>>,
-    /// The longest gap between samples that the process coasts through, 60 s by default; after that the
-    /// filter starts anew by its initialisers.
+    /// The longest gap between samples that the process coasts through, 60 s by default. After a longer gap,
+    /// the filter starts anew with its initialisers.
     pub longest_gap: Option<Positive<dim::Duration>>,
 }

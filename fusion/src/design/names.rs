@@ -4,8 +4,8 @@ use super::Draft;
 use crate::config::{Diagnostic, Diagnostics, Entry, INCLUDE, Node};
 use fusion_models::sim::{REFERENCE, SimulationSpec};
 
-/// Tables that may stand at the top of a design, besides those of other crates. `stress` is read by the crate that
-/// judges designs, and is passed over where that is not linked.
+/// Tables at the top level of a design, without those of other crates. The crate that judges designs reads `stress`;
+/// a program without that crate ignores the table.
 const TABLES: [&str; 12] = [
     "run",
     "filter",
@@ -21,7 +21,7 @@ const TABLES: [&str; 12] = [
     "variant",
 ];
 
-/// Tables that may stand at the top of a design.
+/// Tables that are allowed at the top level of a design.
 pub(super) fn tables() -> Vec<&'static str> {
     let further = super::FurtherTable::all().into_iter().map(|table| table.name);
     let mut all = TABLES.to_vec();
@@ -43,7 +43,7 @@ pub(super) fn check_tables(root: &Node, known: &[&str], d: &mut Diagnostics) {
     }
 }
 
-/// Checks what no table can say by itself.
+/// Checks the relations between tables.
 pub(super) fn check(design: &mut Draft, d: &mut Diagnostics) {
     check_origin(design, d);
     check_streams(design, d);
@@ -64,7 +64,7 @@ fn check_origin(design: &Draft, d: &mut Diagnostics) {
     }
 }
 
-/// Sources, stages and what is simulated share one space of names.
+/// Sources, stages and simulated streams share one space of names.
 fn check_streams(design: &Draft, d: &mut Diagnostics) {
     let world = design.simulation.as_ref().map(|s| &s.block.world);
     let blocks = design.stages.iter().map(|s| (&s.name, &s.node));
@@ -83,13 +83,13 @@ fn check_streams(design: &Draft, d: &mut Diagnostics) {
     }
 }
 
-/// Whether a stream of this name is that of an instrument of the world; those of a ship are free without one.
+/// Returns true if an instrument of the world has the stream `name`. Without a ship, the names of its streams are free.
 fn is_instrument(world: &SimulationSpec, name: &str) -> bool {
     let is_free = |table: &str| world.ship.is_none() && table.starts_with("ship.");
     world.instruments().iter().any(|(stream, table)| stream == name && !is_free(table))
 }
 
-/// What is simulated is a sensor.
+/// Checks that every simulated sensor has the name of a sensor of the design.
 fn check_simulated(design: &Draft, d: &mut Diagnostics) {
     let sensors = design.document.root().get("sensor").map_or(&[][..], Node::entries);
     let names: Vec<&str> = sensors.iter().map(|s| s.key.as_str()).collect();

@@ -13,19 +13,20 @@ const FILTER: &str = "filter";
 /// Tables that a filter inside a stage may have.
 pub(crate) const TABLES: [&str; 6] = ["filter", "health", "process", "sensor", "stage", "initial"];
 
-/// A filter of its own: a design inside a design.
+/// A separate filter: a design inside a design.
 ///
-/// It reads sources and stages outside, and stages inside. Its origin is that of the run. After
-/// each row that moves its process it emits its states, each with its 1σ as `NAME_sigma`, the
-/// signals of its process, and what else the driving row holds; with an attitude also `heading`,
-/// `heading_sigma` and `tilt_sigma`. Its results are reported under the name of the stage.
+/// It reads sources and stages outside, and stages inside. It uses the origin of the run. After each
+/// row that moves its process it emits its states, each with its 1σ as `NAME_sigma`. It also emits
+/// the signals of its process and the other channels of the driving row. With an attitude it emits
+/// `heading`, `heading_sigma` and `tilt_sigma` too. Its results are reported under the name of the
+/// stage.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 #[expect(dead_code, reason = "it is read table by table, as any design; this describes the tables")]
 struct FilterStageSpec {
     /// The backend.
     filter: Option<Map<String, Value>>,
-    /// What its health is judged by.
+    /// The limits for its health.
     health: Option<Map<String, Value>>,
     /// The process model and its source.
     process: Map<String, Value>,
@@ -125,7 +126,7 @@ noise = { from_source = true }
         let design = Design::read(document).unwrap_or_else(|d| panic!("{d}"));
         let assembly = assemble(&design, declared_streams(&design).unwrap()).unwrap_or_else(|d| panic!("{d}"));
         let mut runner = assembly.runner;
-        // A program feeds it: what the filter inside reads is what the stream has.
+        // A program feeds it: the stream has the channels that the filter inside reads.
         let imu = runner.stream("imu").unwrap();
         assert_eq!(runner.streams().nth(imu).unwrap().1, 6);
         let (mut inside, mut outside) = (0, Vec::new());

@@ -30,7 +30,7 @@ pub struct Design<P = Named<ProcessDesign>> {
     pub sensors: Vec<Named<SensorDesign>>,
     /// `[sensor.*]` with `enabled = false`.
     pub(crate) left_out: Vec<Named<SensorDesign>>,
-    /// `[stage.*]`, but for the filters among them.
+    /// `[stage.*]`, without the filters among them.
     pub stages: Vec<Named<Box<dyn StageSpec>>>,
     /// `[stage.*]` that are designs.
     pub(crate) filters: Vec<Named<Draft>>,
@@ -42,29 +42,29 @@ pub struct Design<P = Named<ProcessDesign>> {
     pub simulation: Option<Named<SimulationDesign>>,
     /// `[reference]`.
     pub reference: Option<Named<ReferenceSpec>>,
-    /// What could not be read; nothing of a design without mistakes.
+    /// The parts that could not be read; empty for a design without mistakes.
     pub(crate) unread: Unread,
 }
 
 impl<P> Design<P> {
-    /// Names what computes, for the filters inside stages too.
+    /// Selects the kernel that computes, also for the filters inside stages.
     pub fn set_kernel(&mut self, kernel: Kernel) {
         self.filter.kernel = Some(kernel);
         self.filters.iter_mut().for_each(|inside| inside.block.set_kernel(kernel));
     }
 }
 
-/// A design as far as it could be read, in which further mistakes are looked for.
+/// A design as far as it could be read; it is checked for further mistakes.
 pub(crate) type Draft = Design<Option<Named<ProcessDesign>>>;
 
-/// Tables that could not be read: what refers to them is not told as another mistake.
+/// Tables that could not be read. A reference to one of them is not reported as another mistake.
 #[derive(Debug, Default)]
 pub(crate) struct Unread {
     /// `[run]`.
     pub run: bool,
     /// `[filter]`.
     pub filter: bool,
-    /// `[simulation]`, or it simulates what is no sensor.
+    /// `[simulation]`; true also if it simulates a name that is not a sensor.
     pub simulation: bool,
     /// Names of sensors.
     pub sensors: Vec<String>,
@@ -75,7 +75,7 @@ pub(crate) struct Unread {
 }
 
 impl Unread {
-    /// Whether there is a sensor of which not even the stream that it reads is known.
+    /// Returns true if there is an unreadable sensor whose source is unknown too.
     pub(crate) fn has_stray_sensor(&self, document: &Document) -> bool {
         let source = |name: &String| document.root().get("sensor")?.get(name)?.get("source")?.as_str();
         self.sensors.iter().any(|name| source(name).is_none())
@@ -98,7 +98,7 @@ impl Design {
 }
 
 impl Draft {
-    /// Reads what can be read; what cannot is told to `d`.
+    /// Reads all readable parts; reports the mistakes of the others to `d`.
     pub(crate) fn of(document: Document, d: &mut Diagnostics) -> Self {
         fusion_models::link();
         if let Err(twice) = registry::refuse_duplicates() {
@@ -124,7 +124,7 @@ impl Draft {
         draft
     }
 
-    /// Reads what a filter consists of, wherever its rows come from.
+    /// Reads the parts of a filter, independent of the source of its rows.
     pub(super) fn filter(document: Document, run: RunSpec, d: &mut Diagnostics) -> Self {
         let root = document.shared();
         let filter = root
@@ -200,8 +200,8 @@ impl Draft {
     }
 }
 
-/// Sensors as they are declared, but each after the one whose states it reads: a part that is included, and so comes
-/// first, may read those of a sensor of the design itself.
+/// The sensors in the order of the file, but each after the sensor whose states it reads. So an included part, which
+/// comes first, may read the states of a sensor of the design itself.
 fn in_order(sensors: Vec<Named<SensorDesign>>) -> Vec<Named<SensorDesign>> {
     let read = |at: usize| {
         let name = sensors[at].block.model.follows()?;
@@ -220,7 +220,7 @@ fn in_order(sensors: Vec<Named<SensorDesign>>) -> Vec<Named<SensorDesign>> {
     order.into_iter().filter_map(|at| taken[at].take()).collect()
 }
 
-/// The blocks of a table of blocks; none where it is left out.
+/// The blocks of a table of blocks; empty if the table is missing.
 fn entries<'a>(table: Option<&'a Node>, d: &mut Diagnostics) -> &'a [Entry] {
     let Some(node) = table else { return &[] };
     if !matches!(node.value(), Value::Table { .. }) {
@@ -263,7 +263,7 @@ fn each<T>(
     (all, unread)
 }
 
-/// A table without a `type` beside a block of nearly that name was meant to change that one.
+/// A table without a `type`, and with almost the name of another block, was meant to change that block.
 fn misspelt(key: &str, node: &Node, entries: &[Entry]) -> Option<Diagnostic> {
     let is_typed = |node: &Node| node.get("type").is_some();
     let is_table = matches!(node.value(), Value::Table { .. });
@@ -277,7 +277,7 @@ fn misspelt(key: &str, node: &Node, entries: &[Entry]) -> Option<Diagnostic> {
     Some(unknown.suggest(key, &typed, "there are"))
 }
 
-/// A table that stands once.
+/// A table that occurs once.
 fn one<T>(root: &Node, table: &str, d: &mut Diagnostics, read: impl FnOnce(&Node, &mut Diagnostics) -> Option<T>) -> Option<Named<T>> {
     let node = root.get(table)?;
     Some(Named {
@@ -393,11 +393,11 @@ fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
     let mut own = node.clone();
     let gate = own.take("gate").map(|n| read_block(&n, "gate", Role::Gate, d));
     let loss = own.take("loss").map(|n| read_block(&n, "loss", Role::Loss, d));
-    // So that a variant, or who includes a part, can take it away.
+    // So a variant, or a file that includes a part, can remove `only_with`.
     if matches!(own.get("only_with").map(Node::value), Some(Value::Boolean(false))) {
         drop(own.take("only_with"));
     }
-    // Asked before it is taken: what is taken would stand among the fields that a sensor knows.
+    // `get` before `take`: the message for an unknown field would suggest a taken key.
     if own.get("truth").is_some()
         && let Some(truth) = own.take("truth")
     {
@@ -434,8 +434,8 @@ fn read_source(node: &Node, d: &mut Diagnostics) -> Option<SourceDesign> {
     Some(SourceDesign { source, faults })
 }
 
-/// Whether a world is simulated. The parts of a library bring the errors of their sensors for it; a design that reads its
-/// rows from sources and says neither how a vehicle moves nor which it is needs none of them.
+/// Returns true if a world is simulated. The parts of a library contain sensor errors for a simulation. They are not
+/// needed in a design that reads its rows from sources and declares neither a trajectory nor a vehicle.
 fn is_simulated(root: &Node) -> bool {
     let moves = |simulation: &Node| ["trajectory", "vehicle"].iter().any(|key| simulation.get(key).is_some());
     root.get("simulation").is_some_and(|s| moves(s) || root.get("source").is_none())

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::PathBuf;
 
-/// Smoothing beside the estimates.
+/// Smoothing in addition to the estimates.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SmoothSpec {
@@ -13,15 +13,15 @@ pub struct SmoothSpec {
     pub lag: Positive<dim::Duration>,
 }
 
-/// What becomes of rows that come out of order.
+/// How rows that come out of order are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OrderSpec {
     /// All rows are held back by `reorder` and the longest delay, and used once, in order.
     #[default]
     Hold,
-    /// Rows are used as they arrive; for one that is valid earlier than what has been used, the filter
-    /// goes back and uses everything since again.
+    /// Rows are used as they arrive. If a row is valid earlier than the rows already used, the filter
+    /// goes back and uses all rows since then again.
     Rewind,
 }
 
@@ -29,10 +29,10 @@ pub enum OrderSpec {
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RewindSpec {
-    /// How much later than stamped a row may come, 5 s by default; delays that are declared come on top. One
-    /// that is later is told and not used. Estimates are final when they are so old.
+    /// How much later than its stamp a row may come, 5 s by default; declared delays are added. A later row is
+    /// reported and not used. Estimates older than this are final.
     pub horizon: Positive<dim::Duration>,
-    /// Time between two snapshots to go back to, 0.1 s by default: the longest that is done again in vain.
+    /// Time between two snapshots to go back to, 0.1 s by default: the longest time that is repeated without need.
     pub spacing: Positive<dim::Duration>,
 }
 
@@ -58,11 +58,11 @@ pub struct MapDetailSpec {
     pub size: Positive<dim::Length>,
 }
 
-/// What a run as a whole needs.
+/// The settings of the whole run.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RunSpec {
-    /// What this design is, in a line.
+    /// A description of this design in one line.
     pub description: String,
     /// Where relative source paths start, itself relative to the file; `--data` overrides it.
     pub data_dir: Option<PathBuf>,
@@ -74,9 +74,9 @@ pub struct RunSpec {
     pub stop: Option<Duration>,
     /// Rows of estimates.csv per second of log; every input sample where absent.
     pub output_rate: Option<Positive<dim::Frequency>>,
-    /// Writes smoothed.csv too: estimates that know the data up to a fixed time after them, scored beside the
-    /// others. `fusion run --smooth` smooths by all data of the log. Of a design with filters inside
-    /// stages, the outermost one is smoothed.
+    /// Writes smoothed.csv too: estimates that use the data up to a fixed time after them, with their own score.
+    /// `fusion run --smooth` uses all data of the log. If a design has filters inside stages, only the
+    /// outermost filter is smoothed.
     pub smooth: Option<SmoothSpec>,
     /// Parts of the map that report.html shows enlarged.
     pub map_details: Vec<MapDetailSpec>,
@@ -85,17 +85,17 @@ pub struct RunSpec {
     /// How far ahead of all others a stamp may be, 10 s by default. Rows whose stamps are further ahead wait
     /// until 20 more confirm them. A row that is not ahead, or the end of the log, discards them.
     pub longest_jump: Option<Positive<dim::Duration>>,
-    /// A silence of all rows longer than this separates one recording from the next: the filter starts anew by
-    /// its initialisers and keeps its calibration. For a process without input; of one with input
-    /// `process.input.longest_gap` says it.
+    /// A silence of all rows longer than this separates one recording from the next: the filter starts anew with
+    /// its initialisers and keeps its calibration. It is for a process without input; for a process with input, use
+    /// `process.input.longest_gap`.
     pub restart_after: Option<Positive<dim::Duration>>,
-    /// How long the filter may be lost; after that it starts anew by its initialisers and keeps the calibration of
-    /// before. 30 s by default; a filter with an initialiser that reads no stream never does.
+    /// How long the filter may be lost; after that it starts anew with its initialisers and keeps the calibration of
+    /// before. 30 s by default; a filter with an initialiser that reads no stream never starts anew.
     pub restart_lost: Option<Positive<dim::Duration>>,
-    /// How far out of order live rows may arrive: so long every row waits for others. With
-    /// `order = "rewind"` a few milliseconds of it save going back for rows that are a little late.
+    /// How far out of order live rows may arrive: every row waits this long for others. With
+    /// `order = "rewind"`, a few milliseconds avoid going back for rows that are a little late.
     pub reorder: NonNegative<dim::Duration>,
-    /// What becomes of rows that come out of order.
+    /// How rows that come out of order are used.
     pub order: OrderSpec,
     /// How far back `order = "rewind"` goes.
     pub rewind: RewindSpec,

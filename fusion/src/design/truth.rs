@@ -1,9 +1,9 @@
-//! `truth` of a simulated sensor: parameters that are truly others than the filter believes.
+//! `truth` of a simulated sensor: parameters whose true values differ from those of the filter.
 //!
-//! A simulated sensor measures by the model that the filter has of it. The *true design* is the design with these values
-//! laid over its sensors; a value laid over one that is estimated is its true value, where the filter starts from `initial`.
-//! The true design has the states of the filter, so that what is true can be told in them, and the water where a log
-//! measures against one that the filter takes as known.
+//! A simulated sensor measures by the model that the filter has of it. The *true design* is the design with these
+//! values laid over its sensors. For an estimated parameter the value is the true one, and the filter starts from
+//! `initial`. The true design has the states of the filter, so that the truth can be given in these states. It also
+//! has the current of the sea as a state, if a sensor measures against a current that the filter takes as known.
 
 use super::{Design, Draft};
 use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value};
@@ -21,18 +21,18 @@ const SHARED: &str = "shared";
 /// A parameter that every sensor has.
 const TIME_OFFSET: &str = "time_offset";
 
-/// What is truly other than the filter believes.
+/// The true values that differ from those of the filter.
 #[derive(Debug)]
 pub struct Truth {
     /// The true design: its process and its sensors are those of the world.
     pub design: Box<Design>,
-    /// States whose true value is told, as `gnss.lever_arm`.
+    /// States whose true value is declared, such as `gnss.lever_arm`.
     pub given: Vec<String>,
 }
 
 impl Truth {
-    /// Takes the tables `truth` out of `simulation`, and reads the design that they make of `document`, if there are any. The
-    /// sensors `kept`, which the filter leaves out, are enabled in it.
+    /// Takes the tables `truth` out of `simulation`. If there are any, lays them over `document` and reads the true
+    /// design. The sensors `kept`, which the filter leaves out, are enabled in it.
     pub(super) fn take(simulation: &mut Node, document: &Document, kept: &[String], d: &mut Diagnostics) -> Option<Self> {
         let is_wet = simulation.at("sea.current").is_some();
         let mut told: Vec<(String, Node)> = Vec::new();
@@ -50,7 +50,7 @@ impl Truth {
             let Some(sensor) = of_truth.get_mut("sensor").and_then(|sensors| sensors.get_mut(name)) else {
                 continue;
             };
-            // What is declared to measure through water does so in the water that there is.
+            // A sensor that measures through water does so in the simulated current of the sea.
             let is_constant = |declared: &Node| declared.get(ESTIMATE).is_none() && declared.get(SHARED).is_none();
             if let Some(current) = truth.get(parameter::CURRENT).filter(|_| is_wet) {
                 let message = "the sea has a current already, and it is what there truly is";
@@ -83,7 +83,7 @@ impl Truth {
             });
         let mut found = Diagnostics::new();
         let design = Draft::of(document.within(of_truth), &mut found).whole();
-        // What is wrong with the design itself is told by whoever reads it.
+        // The reader of the design itself reports its other mistakes.
         let is_of_truth = |mistake: &&Diagnostic| told.iter().any(|(_, truth)| truth.any(&|node| node.place().holds(&mistake.place)));
         d.extend(found.iter().filter(is_of_truth).cloned());
         let design = design.ok().filter(|_| !found.has_errors())?;
@@ -106,18 +106,20 @@ fn is_estimated(declared: &Node) -> bool {
     matches!(declared.get(ESTIMATE).map(Node::value), Some(Value::Boolean(true)))
 }
 
-/// Whether anything in it is: of a table of parameters each is truly drawn, or what the filter begins with.
+/// Returns true if a parameter, or any parameter in a table, is a state. The true value of a state is drawn, or is
+/// the initial value of the filter.
 fn has_estimated(declared: &Node) -> bool {
     is_estimated(declared) || matches!(declared.value(), Value::Table { .. }) && declared.entries().iter().any(|e| has_estimated(&e.node))
 }
 
-/// Lays what is true over a sensor.
+/// Lays the true values over a sensor.
 struct Laid<'a> {
     name: &'a str,
     /// The schema of its block, to which others refer.
     root: &'a Json,
-    /// Parameters whose true value is told; and whether one of the other figures is another.
+    /// Parameters whose true value is declared.
     given: &'a mut Vec<String>,
+    /// Set if another figure, which is not a parameter, differs.
     is_plain: &'a mut bool,
 }
 
@@ -183,7 +185,7 @@ fn resolved<'a>(root: &'a Json, field: &'a Json) -> &'a Json {
     named.unwrap_or(field)
 }
 
-/// Whether a field of a block may be another in truth: a parameter, a figure with a unit, or a table of such.
+/// Returns true if the true value of a field may differ: a parameter, a figure with a unit, or a table of these.
 fn may_differ(field: &Json) -> bool {
     let is = |name: &str| field["type"].as_array().into_iter().flatten().any(|kind| kind == name);
     is_parameter(field) || is("number") && is("string") || is_group(field)
@@ -195,7 +197,7 @@ fn is_group(field: &Json) -> bool {
     !is_parameter(field) && inside.any(|(_, field)| is_parameter(field))
 }
 
-/// What a sensor may declare, its own fields and those of every sensor that may be estimated.
+/// The fields that a sensor may declare: its own fields, and the common ones that can be estimated.
 fn schema_of(sensor: &Node) -> Json {
     let kind = sensor.get("type").and_then(Node::as_str).unwrap_or_default();
     let block = registry::all().into_iter().find(|r| r.role == Role::Sensor && r.name == kind);
@@ -206,7 +208,7 @@ fn schema_of(sensor: &Node) -> Json {
     schema
 }
 
-/// The parameters of a sensor with their schemas: what a design may declare as fixed or as estimated.
+/// The parameters of a sensor with their schemas. A design may declare each as fixed or as estimated.
 pub fn parameters(sensor: &Node) -> Vec<(String, Json)> {
     let schema = schema_of(sensor);
     let fields = schema["properties"].as_object().into_iter().flatten();
@@ -228,8 +230,8 @@ fn is_parameter(schema: &Json) -> bool {
     schema["properties"].get(ESTIMATE).is_some() || forms.any(is_parameter)
 }
 
-/// What variants and `--set` have changed of a simulated sensor and, where no `truth` says otherwise, of the instrument
-/// itself too: warnings.
+/// Warnings for fields of a simulated sensor that variants and `--set` have changed. Without `truth`, they change the
+/// simulated instrument too.
 pub(crate) fn shared(document: &Document) -> Diagnostics {
     let (root, before) = (document.root(), document.base());
     let mut d = Diagnostics::new();

@@ -1,7 +1,7 @@
-//! The health of a run: what its filters said of themselves, with names, over time.
+//! The health of a run: the health states of its filters over time, with named reasons.
 //!
-//! The judgement is made in [`fusion_core::health`], by the runner itself; `[health]` in the design
-//! declares the limits. Here its reasons get the names of the design, and a run keeps the changes.
+//! The runner judges the health, in [`fusion_core::health`]; `[health]` in the design declares the limits.
+//! This module gives the reasons the names of the design, and keeps the changes of a run.
 
 mod reason;
 mod record;

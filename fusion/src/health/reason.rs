@@ -10,12 +10,12 @@ use serde::{Serialize, Serializer};
 /// A reason for the health of a filter, in the names of the design.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NamedReason {
-    /// What it is: `no_input`, `stopped`, `gave_up`, `refused`, `unsound`, `floor`, `calibration`,
+    /// The reason: `no_input`, `stopped`, `gave_up`, `refused`, `unsound`, `floor`, `calibration`,
     /// `pulled`, `jumped`, `innovations`, `biased`, `rejected`, `reacquired`, `silent`, `ahead`, `unaided`, `undecided`.
     pub reason: &'static str,
-    /// The sensor, stream or block; empty where it is the filter as a whole.
+    /// The sensor, stream or block; empty for the whole filter.
     pub of: String,
-    /// The state that it stands for.
+    /// The health state that it causes.
     #[serde(serialize_with = "word")]
     pub state: State,
 }
@@ -106,7 +106,7 @@ pub struct Names {
 }
 
 impl Names {
-    /// Those of a filter that is heard; of the outermost one, `assembly` has the streams.
+    /// The names of an observed filter; `assembly` has the streams of the outermost filter.
     #[must_use]
     pub fn new(filter: &Heard, assembly: &Assembly) -> Self {
         let streams = if filter.is_outermost() { &assembly.streams[..] } else { &[] };

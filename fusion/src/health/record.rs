@@ -85,13 +85,13 @@ pub struct FilterHealth {
     pub state: State,
     /// When it was good for the first time \[s\].
     pub aligned: Option<f64>,
-    /// The worst state from then on; of one that never was good, the worst of all.
+    /// The worst state from then on. If the filter was never good, the worst state of all.
     #[serde(serialize_with = "word")]
     pub worst: State,
     /// Time spent in each state \[s\], from the first row to the last estimate.
     pub spent: Spent,
-    /// Time of those degraded and lost that fell within declared outages \[s\]: from the first of its silence to the
-    /// first measurement after it, used or rejected, and for as long as reasons are told after they have ceased.
+    /// The degraded and lost time that fell within declared outages \[s\]. An outage counts from its start to the first
+    /// measurement after it, used or rejected, and for the time that a reason is still reported after it has ceased.
     pub in_outages: f64,
     /// The time of the last estimate \[s\].
     pub until: f64,
@@ -108,7 +108,7 @@ impl FilterHealth {
         self.aligned.is_some() && self.worst == State::Good
     }
 
-    /// Whether it was in ill health within declared outages alone.
+    /// Returns true if it was in ill health only within declared outages.
     #[must_use]
     pub fn is_ill_as_declared(&self) -> bool {
         let ill = self.spent.degraded + self.spent.lost;
@@ -126,9 +126,9 @@ pub struct Spell {
     pub to: f64,
     /// The state.
     pub state: State,
-    /// When the first reason came \[s\]: a state that is no illness may have none at first.
+    /// When the first reason came \[s\]: a state that is not ill health may begin without a reason.
     pub told: f64,
-    /// When the last reason ceased \[s\]; `to` where one still held.
+    /// When the last reason ceased \[s\]; `to` if a reason still held.
     pub told_until: f64,
     /// Why, each once, in the order in which they came.
     pub reasons: Vec<NamedReason>,
@@ -143,7 +143,7 @@ impl Spell {
         self.to - self.from
     }
 
-    /// Whether it is of ill health, and declared outages do not explain all of it.
+    /// Returns true if it is a period of ill health that declared outages do not fully explain.
     #[must_use]
     pub fn is_ill_undeclared(&self) -> bool {
         // 1e-6: rounding of sums of times.
@@ -189,7 +189,7 @@ impl FilterHealth {
     }
 }
 
-/// Hears the health of all filters.
+/// Observes the health of all filters.
 #[derive(Debug)]
 pub struct HealthRecord {
     /// By filter.
@@ -206,7 +206,7 @@ struct Followed {
 }
 
 impl HealthRecord {
-    /// Of the filters of an assembly; `outages` are declared of the sources of the outermost.
+    /// For the filters of an assembly; `outages` are declared for the sources of the outermost filter.
     #[must_use]
     pub fn new(filters: &Filters, assembly: &Assembly, outages: &[Outage]) -> Self {
         let declared = |filter: &Heard| if filter.is_outermost() { outages } else { &[] };
@@ -237,21 +237,21 @@ impl HealthRecord {
     }
 }
 
-/// Health is judged ten times a second: so much later than it ceases, at most, a reason is gone \[s\].
+/// Health is judged ten times a second. A reason disappears at most this long after it ceases \[s\].
 const LATE: f64 = 0.2;
 
-/// A declared outage, and the end of the one that has not been overcome.
+/// A declared outage. `running` is the end of the outage until a measurement after that end is judged.
 #[derive(Debug)]
 struct Silence {
     outage: Outage,
     running: Option<Time>,
-    /// Until when it is told, as reasons of health are for a while after they have ceased to hold, and how long that is \[s\].
+    /// The outage still counts until `told`: health reports a reason for the time `hold` \[s\] after it has ceased.
     told: Option<Time>,
     hold: f64,
 }
 
 impl Silence {
-    /// Whether the outage, or what it leaves behind, lasts at `time`.
+    /// Returns true if the outage, or its effect on the health, lasts at `time`.
     fn holds(&mut self, time: Time) -> bool {
         let begun = self.outage.windows.containing(time).map(|window| window.to);
         self.running = begun.or(self.running);

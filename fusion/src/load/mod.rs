@@ -22,7 +22,7 @@ pub fn build(document: Document) -> Result<Design, Diagnostics> {
     }
 }
 
-/// What can be read of a document, with the mistakes of reading and of assembling it.
+/// The readable part of a document, with the mistakes of reading and of assembling it.
 pub(crate) fn draft(document: Document) -> (Draft, Diagnostics) {
     let mut d = Diagnostics::new();
     let draft = Draft::of(document, &mut d);

@@ -1,4 +1,4 @@
-//! What is asked for of a file of designs: variants, a backend, single values.
+//! The selection from a file of designs: variants, a backend, single values.
 
 use crate::config::{Diagnostic, Diagnostics, Document};
 use crate::design::{Design, FilterSpec};
@@ -8,7 +8,7 @@ use std::path::Path;
 /// The name of a design without a variant.
 pub const BASE: &str = "base";
 
-/// What is laid over the file of a design, in this order.
+/// The changes laid over the file of a design, in this order.
 ///
 /// ```
 /// use fusion::Selection;
@@ -24,7 +24,7 @@ pub const BASE: &str = "base";
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Selection {
-    /// Names of tables `[variant.NAME]`, several in the order given, or as `A+B`; `base` is none.
+    /// Names of tables `[variant.NAME]`, several in the order given, or as `A+B`; `base` selects no variant.
     pub variants: Vec<String>,
     /// A backend in place of the table `[filter]`: `ekf`, `error_state`, `iekf`, `invariant`, `ukf`, or any chart, update
     /// and form, as in `left_invariant+iterated`.
@@ -56,7 +56,7 @@ impl Selection {
         names.filter(|name| *name != BASE).collect()
     }
 
-    /// A document with all of this laid over it, and what cannot be laid over it.
+    /// The document with this selection laid over it, and the mistakes of the selection.
     #[must_use]
     pub fn over(&self, file: &Document) -> (Document, Diagnostics) {
         let (mut document, mut d) = (file.clone(), Diagnostics::new());

@@ -1,4 +1,4 @@
-//! What can go wrong while a filter is fed.
+//! The errors of feeding a filter.
 
 use fusion_core::runner::{Halt, WrongWidth};
 use fusion_models::plausible::Impossible;
@@ -23,10 +23,10 @@ pub enum FeedError {
         stream: String,
         /// The widths.
         error: WrongWidth,
-        /// What a row consists of.
+        /// The channels of a row.
         channels: String,
     },
-    /// A stamp that is no time.
+    /// A stamp that is not a valid time.
     #[error("stream `{stream}`: {seconds} s is no stamp: a finite number of seconds, within 292 years of zero, is one")]
     Stamp {
         /// The stream.
@@ -41,10 +41,10 @@ pub enum FeedError {
         stream: String,
         /// The channel.
         channel: String,
-        /// What they are.
+        /// Why the numbers are impossible.
         error: Impossible,
     },
-    /// An observer could not go on; the row that caused the event has been processed in part.
+    /// An observer failed; the row that caused the event has been processed in part.
     #[error("{0}")]
     Observer(Halt),
 }

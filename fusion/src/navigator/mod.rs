@@ -167,7 +167,7 @@ impl Navigator {
         })
     }
 
-    /// The streams with their channels: what a row of each consists of.
+    /// The streams with their channels: the layout of their rows.
     ///
     /// ```
     /// # let nav = fusion::Navigator::from_file("../examples/embed.toml")?;
@@ -182,8 +182,8 @@ impl Navigator {
     }
 
     /// Feeds a row stamped `seconds`; its numbers are those of [`Navigator::streams`], in SI, angles
-    /// in radians. What cannot be is refused: a latitude beyond a pole, a speed beyond that of light, a
-    /// stamp that is not finite.
+    /// in radians. Impossible values are refused: a latitude beyond a pole, a speed beyond that of light,
+    /// a stamp that is not finite.
     ///
     /// ```
     /// # let mut nav = fusion::Navigator::from_file("../examples/embed.toml")?;
@@ -194,7 +194,7 @@ impl Navigator {
     /// ```
     ///
     /// # Errors
-    /// [`FeedError`]; the filter is untouched.
+    /// [`FeedError`]; the filter is unchanged.
     pub fn feed(&mut self, stream: &str, seconds: f64, row: &[f64]) -> Result<(), FeedError> {
         let id = self.stream(stream)?;
         self.feed_stream(id, stamp(stream, seconds)?, row, &mut |_: &Event<'_>| {})
@@ -212,7 +212,7 @@ impl Navigator {
     /// ```
     ///
     /// # Errors
-    /// [`FeedError`]; the filter is untouched.
+    /// [`FeedError`]; the filter is unchanged.
     pub fn feed_arrived(&mut self, stream: &str, seconds: f64, arrival: f64, row: &[f64]) -> Result<(), FeedError> {
         let id = self.stream(stream)?;
         let row = Row {
@@ -222,7 +222,7 @@ impl Navigator {
         self.feed_next(row, &mut |_: &Event<'_>| {})
     }
 
-    /// Feeds a row and hears the events it causes; rows of a stream are numbered from 0.
+    /// Feeds a row, and passes the events that it causes to `observer`; rows of a stream are numbered from 0.
     ///
     /// ```
     /// use fusion::core::{Time, runner::Event};
@@ -246,7 +246,7 @@ impl Navigator {
     /// ```
     ///
     /// # Errors
-    /// [`FeedError`]; of a row that is refused the filter is untouched.
+    /// [`FeedError`]; a refused row leaves the filter unchanged.
     pub fn feed_stream(&mut self, stream: StreamId, time: Time, row: &[f64], observer: &mut dyn Observer) -> Result<(), FeedError> {
         self.feed_next(Row::new(stream, time, row), observer)
     }
@@ -259,10 +259,10 @@ impl Navigator {
         Ok(())
     }
 
-    /// Feeds a row that knows its own number, and hears the events it causes.
+    /// Feeds a row that has its own number, and passes the events that it causes to `observer`.
     ///
     /// # Errors
-    /// [`FeedError`]; of a row that is refused the filter is untouched.
+    /// [`FeedError`]; a refused row leaves the filter unchanged.
     pub fn feed_row(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), FeedError> {
         self.check(row)?;
         self.assembly.runner.feed(row, observer).map_err(|error| {
@@ -280,8 +280,8 @@ impl Navigator {
         })
     }
 
-    /// Refuses what nothing can have measured. Numbers that are not finite are told by the events of
-    /// those that read them.
+    /// Refuses values that are physically impossible. A sensor that reads a number that is not finite reports
+    /// it by an event.
     fn check(&self, row: &Row<'_>) -> Result<(), FeedError> {
         let Some(layout) = self.assembly.streams.get(row.stream) else {
             return Ok(());
@@ -348,10 +348,10 @@ impl Navigator {
         Some(*self.reader.read(self.assembly.runner.belief()))
     }
 
-    /// The solution at `seconds` if no row comes until then: rows that are still held back are used, and
-    /// the rest of the time is predicted; where the input is missing, with the vehicle's agility, so that
-    /// σ grows. `None` until the filter has started, and where it would have stopped by then. The
-    /// filter itself does not change. For a time before that of [`Navigator::solution`] it is that one.
+    /// The solution at `seconds` if no row comes until then. Rows that are still held back are used, and
+    /// the rest of the time is predicted. Without input, the prediction uses the vehicle's agility, so that
+    /// σ grows. `None` until the filter has started, and if it would have stopped by then. The filter itself
+    /// does not change. For a time before that of [`Navigator::solution`], it returns that solution.
     ///
     /// ```
     /// # let mut nav = fusion::Navigator::from_file("../examples/embed.toml")?;
@@ -372,9 +372,9 @@ impl Navigator {
         Some(*self.reader.read(&belief))
     }
 
-    /// Everything that the filter remembers, with what rows it holds back and, where it goes back for late
-    /// rows, its snapshots. Another navigator of the same design that is [restored](Self::restore) to it
-    /// goes on, bit for bit, as this one would.
+    /// The whole memory of the filter, with the rows that it holds back. If it goes back for late rows, the
+    /// snapshots are included. Another navigator of the same design that is [restored](Self::restore) from it
+    /// continues exactly, bit for bit, as this navigator would.
     ///
     /// ```
     /// # let mut nav = fusion::Navigator::from_file("../examples/embed.toml")?;
@@ -401,7 +401,7 @@ impl Navigator {
         checkpoint::sealed(Of::Navigator, self.assembly.fingerprint, &bytes)
     }
 
-    /// Goes on from a checkpoint.
+    /// Resumes from a checkpoint.
     ///
     /// ```
     /// # let mut nav = fusion::Navigator::from_file("../examples/embed.toml")?;
@@ -413,8 +413,8 @@ impl Navigator {
     /// ```
     ///
     /// # Errors
-    /// [`CheckpointError`] where the bytes are not whole, or of another design or version; the navigator is
-    /// as it was.
+    /// [`CheckpointError`] if the bytes are incomplete, or belong to another design or version; the navigator is
+    /// unchanged.
     pub fn restore(&mut self, checkpoint: &[u8]) -> Result<(), CheckpointError> {
         let bytes = checkpoint::opened(Of::Navigator, self.assembly.fingerprint, checkpoint)?;
         memory::restore(self, bytes).map_err(|_| CheckpointError::Damaged)
@@ -442,8 +442,8 @@ impl Navigator {
         self.assembly.runner.started().then(|| self.assembly.runner.belief())
     }
 
-    /// How far the estimate can be believed. Changes are told to the observer of
-    /// [`Navigator::feed_stream`], of filters inside stages too.
+    /// The health of the filter: how reliable its estimate is. The observer of [`Navigator::feed_stream`] receives
+    /// the changes, also for filters inside stages.
     ///
     /// ```
     /// use fusion::core::health::State;
@@ -490,7 +490,7 @@ impl Navigator {
         self.health().reasons.iter().map(|r| self.names.of(*r)).collect()
     }
 
-    /// What the filter still waits for before it can start: initialiser and reason.
+    /// The conditions that the filter still waits for before it can start: initialiser and reason.
     ///
     /// ```
     /// # let nav = fusion::Navigator::from_file("../examples/embed.toml")?;
@@ -527,7 +527,7 @@ impl Navigator {
     }
 }
 
-/// A time of so many seconds, of a row of this stream.
+/// The time of a row of this stream, from seconds.
 fn stamp(stream: &str, seconds: f64) -> Result<Time, FeedError> {
     Time::checked_from_seconds(seconds).ok_or_else(|| FeedError::Stamp {
         stream: stream.to_owned(),
@@ -691,7 +691,7 @@ mod tests {
             nav.solution().unwrap().time.seconds()
         };
         assert_eq!(after_an_hour(3599.0), 3600.0);
-        // The stamp is wrong: its row waits for others in vain.
+        // The stamp is wrong: its row waits for other rows, but none come.
         assert_eq!(after_an_hour(1.0), 1.0);
     }
 
@@ -718,7 +718,7 @@ mod tests {
             "stream `gnss`, channel `position_sigma`: a 1σ is above zero, not 0"
         );
         assert!(told(8, 1e38).unwrap().contains("channel `velocity`: 1e38 cannot be"));
-        // Told by an event of the sensor that reads it; the other one can use the row.
+        // The sensor that reads it reports it by an event; another sensor can use the row.
         assert_eq!(told(8, f64::NAN), None);
         assert_eq!(told(8, 0.0), None);
     }

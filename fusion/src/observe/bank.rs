@@ -1,4 +1,4 @@
-//! What becomes of the hypotheses of a bank.
+//! The hypotheses of a bank during a run.
 
 use super::{RunEvent, RunObserver};
 use fusion_core::filter::Rivals;
@@ -7,31 +7,30 @@ use fusion_core::runner::{Event, Halt};
 use fusion_core::time::Time;
 use serde::Serialize;
 
-/// Changes that are kept.
+/// The maximum number of changes that are kept.
 const CHANGES: usize = 20;
 
 /// The hypotheses of the outermost filter through a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Hypotheses {
-    /// How many there were at the end, the one shown included.
+    /// The number of hypotheses at the end, including the displayed one.
     pub count: u64,
-    /// How many there were at most.
+    /// The largest number of hypotheses during the run.
     pub most: u64,
-    /// How probable the one shown was at the end.
+    /// The probability of the displayed hypothesis at the end.
     pub probability: f64,
-    /// When another one was shown than the one that went on from what had been shown: the first twenty times.
+    /// The first twenty times at which the displayed hypothesis changed.
     pub changes: Vec<Change>,
-    /// How many more there were.
+    /// The number of further changes.
     pub further_changes: u64,
 }
 
-/// Another hypothesis is shown.
+/// A change of the displayed hypothesis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Change {
-    /// When \[s\].
+    /// Time \[s\].
     pub time: f64,
-    /// By how much the attitude or angle that differs most has changed with it \[rad\]; none where the former
-    /// hypothesis was no longer followed.
+    /// The largest change of an attitude or angle \[rad\]. `None` if the bank no longer followed the former hypothesis.
     pub angle: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! What became of every row, for each of its consumers.
+//! The outcome of every row, for each of its consumers.
 
 use super::{RunEvent, RunObserver};
 use fusion_core::filter::Verdict;
@@ -6,48 +6,48 @@ use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt, Runner, StreamId};
 use serde::Serialize;
 
-/// What became of the rows of one consumer: the process, an initialiser, a stage or a sensor. Each row is in exactly
-/// one of the counts after `rows`, which add up to it.
+/// The outcomes of the rows of one consumer: the process, an initialiser, a stage or a sensor. Each row is in exactly
+/// one of the counts after `rows`, and these counts add up to `rows`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ConsumerCounts {
-    /// The consumer; of one with several inputs, `initial.fix (input 2)`.
+    /// The consumer. If it has several inputs, with the input: `initial.fix (input 2)`.
     pub name: String,
     /// The stream that it reads.
     pub stream: String,
     /// Rows of the stream.
     pub rows: u64,
-    /// Those that it took: of a sensor, those that corrected the estimate.
+    /// Rows that were used. For a sensor: rows that corrected the estimate.
     pub used: u64,
-    /// Those that the sensor's gate rejected.
+    /// Rows that the sensor's gate rejected.
     pub rejected: u64,
-    /// Those without a value at the estimate, or that could not be used.
+    /// Rows without a value at the estimate, or that could not be used.
     pub unusable: u64,
-    /// Of an initialiser: those for which the filter ran already.
+    /// For an initialiser: rows that came when the filter was already running.
     pub not_needed: u64,
-    /// Those before `start` under `[run]`.
+    /// Rows before `start` under `[run]`.
     pub before_run: u64,
-    /// Those after `stop` under `[run]`.
+    /// Rows after `stop` under `[run]`.
     pub after_run: u64,
-    /// Those not later than what started the filter.
+    /// Rows not later than the row that started the filter.
     pub before_start: u64,
-    /// Those that came too late for the buffer.
+    /// Rows that came too late for the buffer.
     pub late: u64,
-    /// Those that held a number that is not finite.
+    /// Rows with a number that is not finite.
     pub not_finite: u64,
-    /// Those with a number outside what the instrument can measure.
+    /// Rows with a number outside the range of the instrument.
     pub out_of_range: u64,
-    /// Those with a number that differs from its neighbours by more than the vehicle can change.
+    /// Rows with a number that differs from its neighbours by more than the vehicle can change.
     pub spikes: u64,
-    /// Those in which the instrument repeated one sample.
+    /// Rows in which the instrument repeated one sample.
     pub frozen: u64,
-    /// Those whose stamp was far ahead of all others.
+    /// Rows with a stamp far ahead of all others.
     pub time_jumps: u64,
-    /// Those left out for a reason that has no count of its own yet.
+    /// Rows discarded for a reason that has no separate count yet.
     pub otherwise: u64,
 }
 
 impl ConsumerCounts {
-    /// All counts of what became of a row, with the words for them.
+    /// All counts of outcomes, with their names.
     #[must_use]
     pub const fn outcomes(&self) -> [(&'static str, u64); 14] {
         [
@@ -125,18 +125,18 @@ fusion_core::memory!(ConsumerCounts {
 /// Follows the rows to the consumers of the outermost filter.
 #[derive(Debug)]
 pub struct Consumers {
-    /// First those that take rows in silence, then the initialisers, then the sensors.
+    /// First the consumers whose accepted rows cause no event, then the initialisers, then the sensors.
     followed: Box<[Followed]>,
-    /// Where the initialisers begin.
+    /// Index of the first initialiser.
     first_starter: usize,
-    /// Where the sensors begin, in order of their numbers.
+    /// Index of the first sensor; sensors are in order of their numbers.
     first_sensor: usize,
-    /// Rows fed, and those outside the run: before and after; by stream.
+    /// By stream: rows fed, rows before the run, rows after the run.
     fed: Box<[[u64; 3]]>,
 }
 
 impl Consumers {
-    /// Those of `runner`.
+    /// The consumers of `runner`.
     #[must_use]
     pub fn new(runner: &Runner) -> Self {
         let streams: Vec<&str> = runner.streams().map(|(name, _)| name).collect();
@@ -167,7 +167,7 @@ impl Consumers {
         }
     }
 
-    /// What became of the rows: of the process, the stages, the initialisers and the sensors, in this order.
+    /// The outcomes of the rows, in this order: process, stages, initialisers, sensors.
     #[must_use]
     pub fn finish(self) -> Vec<ConsumerCounts> {
         let Self {
@@ -183,13 +183,13 @@ impl Consumers {
             counts.rows = inside + before + after;
             let others = counts.rows.saturating_sub(known(&counts));
             if number < first_starter {
-                // A row that is taken has no event: it is one that was not discarded.
+                // An accepted row causes no event: every row that was not discarded was used.
                 counts.used = others;
             } else if number < first_sensor {
-                // A row that comes when the filter runs is not shown to an initialiser.
+                // A row that comes when the filter runs does not reach an initialiser.
                 counts.not_needed = others;
             } else if counts.rows == 0 {
-                // What a stage emits is not fed.
+                // The rows that a stage emits are not fed.
                 counts.rows = known(&counts);
             }
             counts

@@ -1,4 +1,4 @@
-//! Counts of a run: its start, its epochs, what was not used, what failed.
+//! Counts of a run: its start, its epochs, unused rows, failures.
 
 use super::{Heard, RunEvent, RunObserver};
 use fusion_core::memory::Memory;
@@ -7,32 +7,32 @@ use fusion_core::state::{Belief, Kind, StateRole};
 
 /// The name of the process as a consumer.
 const PROCESS: &str = "process";
-/// Failures that are told with their reason.
+/// The maximum number of failures whose reason is kept.
 const REASONS: usize = 10;
 
-/// Counts what a run tells.
+/// Counts the events of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Counters {
     /// When the filter started \[s\].
     pub started: Option<f64>,
-    /// The least known attitude or angle at the start, and its largest 1σ \[rad\].
+    /// The attitude or angle with the largest 1σ at the start, and this 1σ \[rad\].
     pub start_angle: Option<(String, f64)>,
-    /// Its estimates.
+    /// The number of estimates.
     pub epochs: u64,
-    /// Rows that came too late or held no number, by consumer: `stage.consumer` inside a stage.
+    /// Rows that came too late or held NaN, by consumer: `stage.consumer` inside a stage.
     pub unused_rows: Vec<(String, u64)>,
-    /// Samples of the input that were taken for spikes.
+    /// Samples of the input that were rejected as spikes.
     pub spikes: u64,
-    /// Samples of the input that were refused for what they are: spikes, out of range, frozen, not finite, or stamped
-    /// far ahead.
+    /// Samples of the input that were rejected for any of these reasons: spike, out of range, frozen, not finite,
+    /// stamped far ahead.
     pub refused: u64,
     /// The length of all gaps of the input that have ended \[s\].
     coasted: f64,
     /// The length of the present gap so far \[s\].
     gap: f64,
-    /// Why a filter could not go on: the first ten.
+    /// Why a filter could not continue: the first ten reasons.
     pub failures: Vec<String>,
-    /// How many more there were.
+    /// The number of further failures.
     pub further_failures: u64,
 }
 
@@ -63,7 +63,7 @@ fn least_known(filter: &Heard, belief: &Belief) -> Option<(String, f64)> {
         .layout
         .blocks()
         .iter()
-        // The pose of a ship is unknown until its own sensor has spoken, which measures all of it at once.
+        // The pose of a ship is unknown until its own sensor measures it; that sensor then measures all of it at once.
         .filter(|b| b.role != StateRole::Nuisance)
         .filter(|b| matches!(b.kind, Kind::Attitude | Kind::Angle) || b.unit == "rad");
     let known = angles.map(|b| (b.name.clone(), belief.covariance.sigmas(b).fold(0.0, f64::max)));

@@ -1,4 +1,4 @@
-//! What is told of a run.
+//! The events of a run.
 
 use super::Heard;
 use crate::rows::Row;
@@ -8,47 +8,47 @@ use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::state::Belief;
 
-/// What observers of a run hear.
+/// An event for the observers of a run.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum RunEvent<'a> {
     /// A row goes to the filter; the events that it causes follow.
     Row(&'a Row<'a>),
-    /// A row does not go to the filter: it is stamped before or after the time that is run.
+    /// A row does not go to the filter: its stamp is before or after the run.
     Outside {
         /// The row.
         row: &'a Row<'a>,
-        /// Whether it is after.
+        /// True if the row is after the run.
         is_after: bool,
     },
     /// The estimate of an epoch, after every measurement that is valid at that time was used.
     Estimate {
-        /// Whose estimate it is.
+        /// The filter of the estimate.
         filter: &'a Heard,
-        /// Position, velocity and attitude; looking at them costs what reading them costs, once.
+        /// Position, velocity and attitude. They are computed once, at the first access.
         solution: &'a Solved<'a>,
-        /// The whole of it.
+        /// The whole estimate.
         belief: &'a Belief,
     },
-    /// Anything else that a filter tells.
+    /// Any other event of a filter.
     Filter {
-        /// The filter that tells it.
+        /// The filter that reports the event.
         filter: &'a Heard,
-        /// What it tells; never an estimate, never nested.
+        /// The event; never an estimate, never nested.
         event: &'a Event<'a>,
     },
-    /// An epoch of the reference, once the estimates of a filter have come as far, in order of time.
+    /// An epoch of the reference, in order of time, once the estimates of a filter have reached it.
     Reference {
-        /// The filter that has.
+        /// The filter whose estimates have reached it.
         filter: &'a Heard,
         /// The epoch.
         epoch: &'a ReferenceEpoch,
-        /// Its error there; none before the first estimate and after the last.
+        /// The filter's error there; `None` before the first estimate and after the last.
         error: Option<&'a EpochError>,
     },
     /// The estimate of an epoch whose true state is known.
     Truth {
-        /// Whose estimate it is.
+        /// The filter of the estimate.
         filter: &'a Heard,
         /// The estimate.
         belief: &'a Belief,
@@ -57,37 +57,37 @@ pub enum RunEvent<'a> {
     },
 }
 
-/// Hears what is told of a run; it knows nothing of the others who hear it.
+/// Hears the events of a run; it is independent of all other observers.
 pub trait RunObserver {
     /// Called for every event, in order.
     ///
     /// # Errors
-    /// Where it cannot go on: the run stops at once with this error.
+    /// An observer that cannot continue: the run stops at once with this error.
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt>;
 
-    /// What it has heard so far, as far as it matters later, for a checkpoint of the run; none of one that
-    /// cannot go on from it.
+    /// The observer's memory for a checkpoint of the run: all that it still needs from earlier events. `None` if the
+    /// observer cannot resume.
     fn memory(&mut self) -> Option<&mut dyn Memory> {
         None
     }
 
-    /// Its memory is about to be saved: what it has written so far is put where it outlives the process.
+    /// Called before the memory is saved: writes all output so far to where it survives the end of the process.
     ///
     /// # Errors
-    /// Where it cannot.
+    /// An observer that cannot write.
     fn flush(&mut self) -> Result<(), Halt> {
         Ok(())
     }
 
-    /// Its memory was restored: what was written after it is taken back.
+    /// Called after the memory was restored: removes the output that was written after the checkpoint.
     ///
     /// # Errors
-    /// Where what was written before is not there any more.
+    /// The earlier output is no longer there.
     fn resume(&mut self) -> Result<(), Halt> {
         Ok(())
     }
 
-    /// Whether it needs the steps of the filters: [`Event::Step`].
+    /// Returns true if it needs the steps of the filters: [`Event::Step`].
     fn wants_steps(&self) -> bool {
         false
     }

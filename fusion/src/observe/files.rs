@@ -1,4 +1,4 @@
-//! Files that are written while a run goes on.
+//! Files that are written during a run.
 
 use super::{Filters, Heard, RunEvent, RunObserver};
 use crate::output::{EstimateWriter, FileSet, Origin, OutputFile, Sink, Unwritable, UpdateWriter};
@@ -8,7 +8,7 @@ use fusion_core::time::Time;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-/// A file that is being written, by what writes it.
+/// A file that is being written, with its writer.
 #[derive(Debug)]
 struct Written<T> {
     path: PathBuf,
@@ -17,7 +17,7 @@ struct Written<T> {
     length: u64,
 }
 
-/// What writes a file.
+/// The writer of a file.
 trait Writer {
     fn flush(&mut self) -> io::Result<()>;
     fn sink(&self) -> &impl Sink;
@@ -80,17 +80,17 @@ impl<T: Writer> Written<T> {
     fn resume(&mut self) -> Result<(), Unwritable> {
         let length = self.length;
         self.write(|writer| {
-            // The header, which is there already.
+            // Flushes the header, which is already in the buffer.
             writer.flush()?;
             writer.sink().cut(length)
         })
     }
 }
 
-/// Which estimates have a row: the first in each period of time.
+/// Selects the estimates that have a row: the first in each period of time.
 #[derive(Clone, Copy, Debug)]
 pub struct Thinning {
-    /// A row per so much time \[ns\]; 0 for every estimate.
+    /// One row per period of this length \[ns\]; 0 for every estimate.
     period: i64,
     next: Time,
 }
@@ -98,13 +98,13 @@ pub struct Thinning {
 fusion_core::memory!(Thinning { next; period });
 
 impl Thinning {
-    /// A row per `period` \[ns\]; 0 for every estimate.
+    /// One row per `period` \[ns\]; 0 for every estimate.
     #[must_use]
     pub const fn new(period: i64) -> Self {
         Self { period, next: Time::MIN }
     }
 
-    /// Whether the estimate at `time`, later than those before it, has a row.
+    /// Returns true if the estimate at `time`, later than all before it, has a row.
     pub fn takes(&mut self, time: Time) -> bool {
         if time < self.next {
             return false;
@@ -117,7 +117,7 @@ impl Thinning {
     }
 }
 
-/// Writes the estimates of one filter: estimates.csv, or `estimates.STAGE.csv` of one inside a stage.
+/// Writes the estimates of one filter: estimates.csv, or `estimates.STAGE.csv` for a filter inside a stage.
 #[derive(Debug)]
 pub struct EstimateFile<W: Write = OutputFile> {
     file: Written<EstimateWriter<W>>,
@@ -127,11 +127,11 @@ pub struct EstimateFile<W: Write = OutputFile> {
 }
 
 impl EstimateFile {
-    /// Among the files of `set`, its name beginning with `name`. Local coordinates start at `origin`, or
-    /// at the first position.
+    /// Creates the file in `set`, with a name that begins with `name`. Local coordinates start at `origin`, or at the
+    /// first position.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// The file cannot be written.
     pub fn create(set: &FileSet, name: &str, filter: &Heard, origin: Origin, thinning: Thinning) -> Result<Self, Unwritable> {
         let file = Written::create(set, &name_of(name, filter), |file| {
             EstimateWriter::new(file, &filter.layout, origin)
@@ -145,10 +145,10 @@ impl EstimateFile {
 }
 
 impl<W: Write> EstimateFile<W> {
-    /// Writes what is held back, and returns the file.
+    /// Writes the buffered rows and returns the file.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// The file cannot be written.
     pub fn finish(self) -> Result<W, Unwritable> {
         self.file.finish(EstimateWriter::finish)
     }
@@ -186,8 +186,8 @@ impl<W: Sink> RunObserver for EstimateFile<W> {
     }
 }
 
-/// The name of a filter's file. A stage may have any name, a file may not: what is neither a letter,
-/// a digit, `_` nor `-` is written as its number.
+/// The name of a filter's file. A stage may have any name, a file may not: every character other than letters, digits,
+/// `_` and `-` is written as its number.
 fn name_of(first: &str, filter: &Heard) -> String {
     let mut name = first.to_owned();
     for stage in &filter.stages {
@@ -208,10 +208,10 @@ fn name_of(first: &str, filter: &Heard) -> String {
 pub struct UpdateFile<W: Write = OutputFile>(Written<UpdateWriter<W>>);
 
 impl UpdateFile {
-    /// Among the files of `set`.
+    /// Creates the file in `set`.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// The file cannot be written.
     pub fn create(set: &FileSet, filters: &Filters) -> Result<Self, Unwritable> {
         let rows = filters.sensors().map(|s| s.residual).max().unwrap_or(0);
         Ok(Self(Written::create(set, "updates.csv", |file| UpdateWriter::new(file, rows))?))
@@ -219,10 +219,10 @@ impl UpdateFile {
 }
 
 impl<W: Write> UpdateFile<W> {
-    /// Writes what is held back, and returns the file.
+    /// Writes the buffered rows and returns the file.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// The file cannot be written.
     pub fn finish(self) -> Result<W, Unwritable> {
         self.0.finish(UpdateWriter::finish)
     }
@@ -266,7 +266,7 @@ mod tests {
     use crate::observe::Hub;
     use fusion_core::runner::Row;
 
-    /// Has room for so many bytes.
+    /// A disk with room for this number of bytes.
     struct Disk(usize);
 
     impl Write for Disk {
@@ -328,7 +328,7 @@ mod tests {
         });
         let (rows, why) = fed.unwrap();
         assert!(why.starts_with("cannot write out/estimates.csv: "), "{why}");
-        // A row has more than 110 bytes; 32 KiB are held back.
+        // A row has more than 110 bytes; the buffer holds 32 KiB.
         assert!(rows < 300, "{rows}");
     }
 }

@@ -1,4 +1,4 @@
-//! Whose events are heard: the filter of a design, and those inside its stages.
+//! The filters that are observed: the filter of a design, and the filters inside its stages.
 
 use crate::assembly::{Assembly, Inside, SensorInfo};
 use core::ops::Range;
@@ -9,12 +9,12 @@ use fusion_models::block::Shape;
 use fusion_models::units::Dimension;
 use std::sync::Arc;
 
-/// A filter that is heard.
+/// A filter that is observed.
 #[derive(Debug)]
 pub struct Heard {
-    /// Its number among those of the design; the outermost is 0.
+    /// Its number among the filters of the design; the outermost is 0.
     pub number: usize,
-    /// The stages that it is inside of, from the outermost; the filter of the design is in none.
+    /// The stages around it, from the outermost; empty for the filter of the design.
     pub stages: Vec<String>,
     /// Its state layout.
     pub layout: Arc<Layout>,
@@ -28,21 +28,20 @@ pub struct Heard {
     inside: Vec<(String, usize)>,
 }
 
-/// A sensor that is heard.
+/// A sensor that is observed.
 #[derive(Clone, Debug)]
 pub struct HeardSensor {
-    /// Its name, with that of its filter before it: `stage.sensor`.
+    /// Its name after the name of its filter: `stage.sensor`.
     pub name: String,
     /// Dimension of each residual row.
     pub rows: Vec<Dimension>,
-    /// Name of each residual row; empty where they have none.
+    /// Name of each residual row; empty if they have no names.
     pub axes: &'static [&'static str],
-    /// Numbers in its residual.
+    /// The number of residual rows.
     pub residual: usize,
-    /// Whether it measures a place: latitude, longitude, height.
+    /// True if it measures a place: latitude, longitude, height.
     pub is_place: bool,
-    /// Its stream, and the numbers of a row that it reads: its channel, and the 1σ that comes
-    /// with it.
+    /// Its stream, and the columns that it reads: its channel, and the 1σ that the row contains.
     pub reads: (StreamId, Vec<usize>),
 }
 
@@ -58,7 +57,7 @@ impl HeardSensor {
         }
     }
 
-    /// Whether it reads any of these numbers of a stream.
+    /// Returns true if it reads any of these columns of a stream.
     #[must_use]
     pub fn reads_any(&self, stream: StreamId, columns: &Range<usize>) -> bool {
         stream == self.reads.0 && self.reads.1.iter().any(|c| columns.contains(c))
@@ -66,7 +65,7 @@ impl HeardSensor {
 }
 
 impl Heard {
-    /// A name of this filter's own after those of the stages around it: `stage.own`.
+    /// A name inside this filter, after the names of the stages around it: `stage.own`.
     #[must_use]
     pub fn named(&self, own: &str) -> String {
         let mut name = String::new();
@@ -74,7 +73,7 @@ impl Heard {
         name + own
     }
 
-    /// Whether it is the filter of the design itself.
+    /// Returns true if it is the filter of the design itself.
     #[must_use]
     pub fn is_outermost(&self) -> bool {
         self.stages.is_empty()
@@ -86,7 +85,7 @@ impl Heard {
 pub struct Filters(Vec<Heard>);
 
 impl Filters {
-    /// Those of an assembly.
+    /// The filters of an assembly.
     #[must_use]
     pub fn of(assembly: &Assembly) -> Self {
         let mut filters = Self(Vec::new());
@@ -96,7 +95,7 @@ impl Filters {
         filters
     }
 
-    /// Adds those inside the stages of the filter `around`, each followed by those inside it.
+    /// Adds the filters inside the stages of the filter `around`, each followed by the filters inside it.
     fn add_inside(&mut self, around: usize, inside: &[Inside]) {
         for filter in inside {
             let models = (&filter.layout, &filter.process);
@@ -105,7 +104,8 @@ impl Filters {
         }
     }
 
-    /// Adds one; of one inside a stage, `stage` has the number of the filter around it and the name.
+    /// Adds one filter. For a filter inside a stage, `stage` is the number of the filter around it and the stage's
+    /// name.
     fn add(
         &mut self,
         stage: Option<(usize, &str)>,
@@ -152,8 +152,8 @@ impl Filters {
         self.0.iter().flat_map(|filter| &filter.sensors)
     }
 
-    /// The filter that an event comes from, and what it told; `None` where a stage tells of a
-    /// filter that the design does not have.
+    /// The filter that reported an event, and the event itself. `None` if a stage reports a filter that the design does
+    /// not have.
     #[must_use]
     pub fn source<'e>(&self, event: &'e Event<'e>) -> Option<(&Heard, &'e Event<'e>)> {
         let (mut filter, mut event) = (self.0.first()?, event);
@@ -232,7 +232,7 @@ mod tests {
             };
             hub.on(&Event::Nested { stage: "outer", event }).unwrap();
             hub.on(told).unwrap();
-            // Of a stage that is none of the design's nothing is known.
+            // An unknown stage is ignored.
             hub.on(&Event::Nested {
                 stage: "inner",
                 event: told,
@@ -244,7 +244,7 @@ mod tests {
         assert_eq!(counters.unused_rows, counted);
         assert_eq!(counters.failures, [format!("outer.inner: {why}"), why.to_string()]);
         assert_eq!(counters.further_failures, 0);
-        // Those beyond the tenth are counted.
+        // Failures after the tenth are counted.
         let mut hub = Hub::new(&filters, None);
         hub.add(&mut counters);
         for _ in 0..11 {

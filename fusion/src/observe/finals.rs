@@ -13,14 +13,14 @@ use serde::Serialize;
 pub struct FinalState {
     /// The block.
     pub name: String,
-    /// What it is: how its values are read.
+    /// Its kind: how its values are read.
     #[serde(skip)]
     pub kind: Kind,
     /// Its values, in storage order and SI.
     pub value: Vec<f64>,
     /// Its 1σ per tangent axis.
     pub sigma: Vec<f64>,
-    /// The 1σ that it began with; empty of one that returns to zero by itself, and so is not to be learnt.
+    /// Its initial 1σ. Empty for a parameter that decays to zero, as there is nothing to learn about it.
     #[serde(skip)]
     pub start_sigma: Vec<f64>,
     /// Its covariance in tangent coordinates, row by row.
@@ -31,7 +31,7 @@ pub struct FinalState {
 }
 
 impl FinalState {
-    /// Those of every block of `layout` that the process does not move.
+    /// The state of every block of `layout` that the process does not move.
     pub fn of(layout: &Layout, last: &Belief) -> Vec<Self> {
         let parameters = layout.blocks().iter().filter(|b| b.role != StateRole::Kinematic);
         let state = |b: &fusion_core::state::Block| Self {
@@ -54,7 +54,7 @@ impl FinalState {
 #[derive(Debug)]
 pub struct Finals<'a> {
     filters: &'a Filters,
-    /// By filter; none of the outermost.
+    /// By filter; unused for the outermost filter.
     last: Box<[Last]>,
 }
 
@@ -63,7 +63,7 @@ pub struct Finals<'a> {
 enum Last {
     None,
     Told(Belief),
-    /// What a checkpoint keeps of it.
+    /// The part that a checkpoint keeps.
     Kept(Vec<FinalState>),
 }
 
@@ -75,7 +75,7 @@ impl<'a> Finals<'a> {
         Self { filters, last }
     }
 
-    /// Their parameters, with the names of the stages before their own.
+    /// The parameters, each name after the names of its stages.
     #[must_use]
     pub fn finish(self) -> Vec<FinalState> {
         let ended = self.filters.iter().zip(&self.last);

@@ -1,4 +1,4 @@
-//! From the events of a runner to those of a run.
+//! Turns the events of a runner into those of a run.
 
 use super::wait::Waiting;
 use super::{Filters, RunEvent, RunObserver, Wait};
@@ -10,21 +10,20 @@ use fusion_core::runner::{Event, Halt, Observer};
 use fusion_core::time::Time;
 use std::collections::VecDeque;
 
-/// Hears a runner and tells the observers of a run, one after the other. The solution of an estimate is
-/// read, and its error computed, once for all of them: the one where somebody looks at it, the other
-/// where there is a reference.
+/// Hears a runner and passes its events to the observers of a run in turn. The solution of an estimate is computed once
+/// for all of them, if an observer uses it. Its error is computed once, if there is a reference.
 pub struct Hub<'a> {
     filters: &'a Filters,
     /// By filter.
     readers: Vec<SolutionReader>,
-    /// By filter; none without a reference.
+    /// By filter; empty without a reference.
     comparisons: Box<[Comparison]>,
     turnings: Box<[Turning]>,
-    /// True states of the outermost filter that its estimates have not reached.
+    /// True states of the outermost filter that its estimates have not reached yet.
     truths: VecDeque<(Time, Vec<f64>)>,
     observers: Vec<&'a mut dyn RunObserver>,
     waiting: Waiting,
-    /// Hears what is believed before later rows come.
+    /// Hears the current estimates, before later rows come.
     current: Option<Box<Self>>,
 }
 
@@ -35,7 +34,7 @@ impl core::fmt::Debug for Hub<'_> {
 }
 
 impl<'a> Hub<'a> {
-    /// Without observers; every filter is compared with the reference, as `comparison` does, if there is one.
+    /// Without observers. If there is a reference, every filter is compared with it, as `comparison` does.
     #[must_use]
     pub fn new(filters: &'a Filters, comparison: Option<&Comparison>) -> Self {
         let readers = filters.iter().map(|f| SolutionReader::new(&f.layout, f.process.clone()));
@@ -56,54 +55,54 @@ impl<'a> Hub<'a> {
         self.observers.push(observer);
     }
 
-    /// Adds a hub whose estimates are those that the filter had when its newest row had just been used, and
-    /// that hears no other events. It is compared with the same reference.
+    /// Adds a hub that hears current estimates: those of the filter just after its newest row was used. It hears no
+    /// other events. It is compared with the same reference.
     pub fn add_current(&mut self, hub: Self) {
         self.current = Some(Box::new(hub));
     }
 
-    /// Whether all who hear it can go on from what they remember.
+    /// Returns true if all observers can resume from their memory.
     pub fn has_memory(&mut self) -> bool {
         self.observers.iter_mut().all(|o| o.memory().is_some()) && self.current.as_mut().is_none_or(|c| c.has_memory())
     }
 
-    /// Everything that was written so far is put where it outlives the process.
+    /// Writes all output so far to where it survives the end of the process.
     ///
     /// # Errors
-    /// The first of an observer.
+    /// The first error of an observer.
     pub fn flush(&mut self) -> Result<(), Halt> {
         self.observers.iter_mut().try_for_each(|o| o.flush())?;
         self.current.as_mut().map_or(Ok(()), |current| current.flush())
     }
 
-    /// After a restore, everything that was written later is taken back.
+    /// After a restore, removes all output that was written later.
     ///
     /// # Errors
-    /// The first of an observer.
+    /// The first error of an observer.
     pub fn resume(&mut self) -> Result<(), Halt> {
         self.observers.iter_mut().try_for_each(|o| o.resume())?;
         self.current.as_mut().map_or(Ok(()), |current| current.resume())
     }
 
-    /// What the outermost filter waited for before its first start; none of one that never started.
+    /// The wait of the outermost filter before its first start; `None` if it never started.
     #[must_use]
     pub fn waited(&mut self) -> Option<Wait> {
         core::mem::take(&mut self.waiting).finish()
     }
 
-    /// A row that is about to be fed, and what is waited for before the filter has started.
+    /// Hears a row that is about to be fed, and what the filter waits for if it has not started.
     ///
     /// # Errors
-    /// The first of an observer.
+    /// The first error of an observer.
     pub fn row(&mut self, row: &Row<'_>, waits_for: impl FnOnce() -> Vec<(String, String)>) -> Result<(), Halt> {
         self.waiting.row(row.time, waits_for);
         tell(&mut self.observers, &RunEvent::Row(row))
     }
 
-    /// A row that is not fed, being before or after the time that is run.
+    /// Hears a row that is not fed, because it is before or after the run.
     ///
     /// # Errors
-    /// The first of an observer.
+    /// The first error of an observer.
     pub fn outside(&mut self, row: &Row<'_>, is_after: bool) -> Result<(), Halt> {
         tell(&mut self.observers, &RunEvent::Outside { row, is_after })
     }
@@ -124,7 +123,7 @@ impl<'a> Hub<'a> {
         }
     }
 
-    /// The outermost filter begins anew.
+    /// The outermost filter starts again.
     pub(super) fn begin_outermost(&mut self) {
         let outermost = self.filters.iter().find(|filter| filter.is_outermost());
         if let Some(number) = outermost.map(|filter| filter.number) {
@@ -132,7 +131,7 @@ impl<'a> Hub<'a> {
         }
     }
 
-    /// The filter of that number begins anew.
+    /// The filter with this number starts again.
     fn begin(&mut self, filter: usize) {
         if let Some(comparison) = self.comparisons.get_mut(filter) {
             comparison.begin();
@@ -145,10 +144,10 @@ impl<'a> Hub<'a> {
         }
     }
 
-    /// Tells the epochs of the reference that no estimate has reached.
+    /// Reports the epochs of the reference that no estimate has reached.
     ///
     /// # Errors
-    /// The first of an observer.
+    /// The first error of an observer.
     pub fn finish(&mut self) -> Result<(), Halt> {
         for (filter, comparison) in self.filters.iter().zip(&mut self.comparisons) {
             for epoch in comparison.rest() {
@@ -200,7 +199,7 @@ impl Observer for Hub<'_> {
             return tell(&mut self.observers, &RunEvent::Filter { filter, event });
         };
         let (reader, mut comparison) = (&mut self.readers[filter.number], self.comparisons.get_mut(filter.number));
-        // A comparison looks at every one.
+        // A comparison needs every solution.
         let solution = &match comparison {
             Some(_) => reader.read(belief).into(),
             None => reader.solved(belief),
@@ -208,7 +207,8 @@ impl Observer for Hub<'_> {
         let estimate = RunEvent::Estimate { filter, solution, belief };
         tell(&mut self.observers, &estimate)?;
         if filter.is_outermost() {
-            // Between two estimates a state is not estimated: only one at the same time is compared.
+            // Between two estimates a state is not estimated: a truth is compared only with an estimate of the same
+            // time.
             while let Some((time, truth)) = self.truths.pop_front_if(|(time, _)| *time <= belief.time) {
                 if time == belief.time {
                     let known = RunEvent::Truth {
@@ -230,7 +230,7 @@ impl Observer for Hub<'_> {
     }
 }
 
-/// Tells one after the other; the first error stops.
+/// Passes an event to each observer in turn; the first error stops.
 fn tell(observers: &mut [&mut dyn RunObserver], event: &RunEvent<'_>) -> Result<(), Halt> {
     observers.iter_mut().try_for_each(|o| o.on(event))
 }

@@ -1,4 +1,4 @@
-//! Hearing a run: a list of observers that know nothing of each other.
+//! Observing a run: a list of independent observers.
 //!
 //! ```text
 //!             ┌─▶ EstimateFile, UpdateFile
@@ -7,10 +7,9 @@
 //!             └─▶ what the caller adds
 //! ```
 //!
-//! The runner tells [`Event`](fusion_core::runner::Event)s. The [`Hub`] finds the filter that an
-//! event comes from and tells every observer a [`RunEvent`]. The solution of an estimate is read once,
-//! where somebody looks at it; its error is computed once, where there is a reference. The first observer
-//! that cannot go on stops the run.
+//! The runner reports [`Event`](fusion_core::runner::Event)s. The [`Hub`] finds the filter of an event and passes a
+//! [`RunEvent`] to every observer. The solution of an estimate is computed once, if an observer uses it. Its error is
+//! computed once, if there is a reference. The first observer that cannot continue stops the run.
 
 mod bank;
 mod consumers;

@@ -1,15 +1,16 @@
-//! Calibrations of sensors that moved far while the innovations of a sensor were larger than chance allows.
+//! Calibrations that moved far while the innovations of a sensor were larger than chance allows.
 //!
 //! ```text
 //! innovations ─▶ Page's test ─▶ a stretch: from the first of them that is too large to the last
 //! estimates ───▶ how far calibrations were from where they began: |x − x₀| in units of σ₀, the 1σ at the beginning
 //! ```
 //!
-//! A consistent filter moves a calibration by a number of variance σ₀² − σ² ≤ σ₀², and its steps do not depend on each other: the
-//! farthest of them is beyond a limit at most twice as often as the last one (reflection principle). Innovations that are k times too large
-//! move it k times as far, and leave σ as it is. The calibration is then less accurate than its 1σ.
+//! A consistent filter moves a calibration by a random amount of variance σ₀² − σ² ≤ σ₀², in independent steps. The
+//! farthest point exceeds a limit at most twice as often as the last point does (reflection principle). Innovations
+//! that are k times too large move the calibration k times as far, and leave σ unchanged. The calibration is then less
+//! accurate than its 1σ.
 //!
-//! Not here   which of the two is wrong, the 1σ of the sensor or that of the calibration: both make innovations too large
+//! Not here   which 1σ is wrong, that of the sensor or that of the calibration: both make innovations too large
 
 use super::page::Page;
 use super::{Filters, Heard, RunEvent, RunObserver};
@@ -23,8 +24,8 @@ use fusion_core::time::Time;
 use serde::Serialize;
 use std::sync::Arc;
 
-/// The probability with which a consistent filter never moves an axis of a calibration farther: 0.999, for the last step and for
-/// any before it.
+/// A consistent filter moves an axis of a calibration less far with this probability. It holds 0.999 for the last step
+/// and for any step before it.
 const PROBABILITY: f64 = 0.9995;
 
 /// A stretch of innovations that are larger than chance allows, and the calibrations that moved with them.
@@ -34,11 +35,11 @@ pub struct Excess {
     pub sensor: String,
     /// Time of the first measurement \[s\].
     pub from: f64,
-    /// Time of the last one \[s\].
+    /// Time of the last measurement \[s\].
     pub to: f64,
-    /// Measurements that were used meanwhile.
+    /// Measurements that were used in the stretch.
     pub measurements: u64,
-    /// Their mean NIS, each by the weight that its loss left to it.
+    /// Their mean NIS, each weighted by its loss.
     pub nis: f64,
     /// The mean NIS of a consistent filter.
     pub dof: usize,
@@ -51,24 +52,24 @@ pub struct Excess {
 pub struct Moved {
     /// The block.
     pub name: String,
-    /// Whether it has several axes.
+    /// True if it has several axes.
     pub is_vector: bool,
-    /// The axis that moved farthest, in units of its 1σ, from 0.
+    /// The axis that moved farthest, in units of its 1σ; axes count from 0.
     pub axis: usize,
-    /// What it was at the beginning; of an attitude and a geodetic position, 0.
+    /// Its value at the beginning; 0 for an attitude and a geodetic position.
     pub from: f64,
-    /// What it was where it was farthest from that; of an attitude and a geodetic position, by how much it changed.
+    /// Its value where it was farthest from `from`. For an attitude and a geodetic position: its change.
     pub to: f64,
     /// Its 1σ at the beginning.
     pub sigma: f64,
-    /// By how many of these it moved.
+    /// How far it moved, in units of `sigma`.
     pub sigmas: f64,
-    /// Unit of all of them.
+    /// The unit of `from`, `to` and `sigma`.
     pub unit: String,
 }
 
 impl Excess {
-    /// Whether a calibration is among those that moved.
+    /// Returns true if this calibration moved.
     #[must_use]
     pub fn moves(&self, name: &str) -> bool {
         self.moved.iter().any(|m| m.name == name)
@@ -95,18 +96,18 @@ fusion_core::memory!(Moved {
     unit
 });
 
-/// Follows the sensors of all filters, and the calibrations.
+/// Follows the sensors and the calibrations of all filters.
 #[derive(Debug)]
 pub struct Excesses(Box<[Followed]>);
 
 impl Excesses {
-    /// Of these filters.
+    /// Follows these filters.
     #[must_use]
     pub fn new(filters: &Filters) -> Self {
         Self(filters.iter().map(Followed::new).collect())
     }
 
-    /// Of each sensor the stretch in which a calibration moved farthest; none of a sensor where none moved far.
+    /// For each sensor, the stretch in which a calibration moved farthest. Sensors without a far move are left out.
     #[must_use]
     pub fn finish(self) -> Vec<Excess> {
         let all = self.0.into_iter().flat_map(|mut filter| {
@@ -146,14 +147,14 @@ impl Memory for Excesses {
 #[derive(Debug)]
 struct Followed {
     calibrations: Arc<[Calibration]>,
-    /// What the latest estimate after a measurement says.
+    /// The latest estimate after a measurement.
     latest: Known,
-    /// A measurement was used since.
+    /// True if a measurement was used since then.
     is_due: bool,
     sensors: Box<[Stretch]>,
 }
 
-/// A block that is followed, and where it stands in [`Known`].
+/// A block that is followed, and its place in [`Known`].
 #[derive(Debug)]
 struct Calibration {
     block: Block,
@@ -170,7 +171,7 @@ struct Known {
     variance: Vec<f64>,
 }
 
-/// What is followed of a sensor.
+/// The current stretch of a sensor.
 #[derive(Debug, Default)]
 struct Stretch {
     page: Page,
@@ -178,14 +179,14 @@ struct Stretch {
     began: Option<Time>,
     /// The calibrations before its first measurement.
     before: Known,
-    /// Of each, where it was farthest from that; 0 times its 1σ before the first estimate.
+    /// For each calibration, the point farthest from `before`; 0 σ before the first estimate.
     farthest: Vec<Moved>,
     peak: f64,
-    /// The next estimate is that of the peak.
+    /// True if the next estimate is at the peak.
     is_due: bool,
-    /// The sum was beyond chance.
+    /// True if the sum exceeded the alarm limit.
     is_beyond: bool,
-    /// Of the NIS of its measurements, and how many they are.
+    /// The sum of the NIS of its measurements, and their number.
     sum: f64,
     count: u64,
     to: Time,
@@ -198,7 +199,8 @@ struct Stretch {
 impl Followed {
     fn new(filter: &Heard) -> Self {
         let (mut storage, mut tangent) = (0, 0);
-        // Those of sensors have the name of the sensor before their own. Biases of the input are moved by whatever is measured.
+        // A calibration of a sensor is named `sensor.calibration`. Biases of the input are skipped: every sensor moves
+        // them.
         let is_of_sensor = |b: &&Block| b.role == StateRole::Calibration && b.name.contains('.');
         let blocks = filter.layout.blocks().iter().filter(is_of_sensor);
         let calibrations = blocks.map(|block| {
@@ -231,7 +233,7 @@ impl Followed {
         }
     }
 
-    /// The filter starts from this belief, or shows another hypothesis: what moved until then is judged.
+    /// The filter starts from this belief, or the displayed hypothesis changed: the moves until then are judged.
     fn restart(&mut self, belief: Option<&Belief>) {
         self.close_all();
         self.is_due = false;
@@ -304,12 +306,12 @@ impl Stretch {
             (self.peak, self.to, self.is_due) = (self.page.sum, time, true);
             self.at_peak = (self.sum, self.count);
         } else if self.is_beyond && self.page.sum < self.peak - Page::ALARM {
-            // As improbable as an alarm is by chance.
+            // A fall of this size is as improbable by chance as an alarm.
             self.close();
         }
     }
 
-    /// Notes how far the calibrations are from where they began.
+    /// Records how far the calibrations are from where they began.
     fn visit(&mut self, latest: &Known, calibrations: &[Calibration]) {
         self.farthest.resize_with(calibrations.len(), Moved::default);
         for (farthest, calibration) in self.farthest.iter_mut().zip(calibrations) {
@@ -320,7 +322,7 @@ impl Stretch {
         }
     }
 
-    /// Ends the stretch, and keeps it where a calibration moved farther than in the worst one so far.
+    /// Ends the stretch, and keeps it if a calibration moved farther than in the worst stretch so far.
     fn close(&mut self) {
         if let (true, Some(since)) = (self.is_beyond, self.began) {
             let limit = chi_square_quantile(PROBABILITY, 1.0).sqrt();
@@ -376,7 +378,7 @@ impl Calibration {
         }
     }
 
-    /// The variance of what an axis wanders by itself meanwhile.
+    /// The variance of the random walk of an axis over this time.
     fn wandered(&self, axis: usize, elapsed: f64) -> f64 {
         match &self.block.dynamics {
             Dynamics::Process | Dynamics::Constant => 0.0,
@@ -442,7 +444,7 @@ mod tests {
         Filters::of(nav.unwrap_or_else(|d| panic!("{d}")).assembly())
     }
 
-    /// Starts at 0 s, and hears a measurement a second: its NIS, and where the latency is after it.
+    /// Starts at 0 s and hears one measurement per second: its NIS, and the latency after it.
     fn heard(filters: &Filters, seconds: u32, of: &dyn Fn(u32) -> (f64, f64), saved_at: Option<u32>) -> Vec<Excess> {
         let filter = filters.outermost().unwrap();
         let block = filter.layout.blocks().iter().find(|b| b.name == "gnss.time_offset").unwrap();
@@ -507,7 +509,7 @@ mod tests {
     #[test]
     fn a_latency_that_moves_with_innovations_too_large_is_told_with_both_ends_in_its_first_sigma() {
         let filters = filters();
-        // Four times what is expected from 51 s to 100 s; the latency goes to −0.2 s meanwhile, and stays there.
+        // NIS four times the expected value from 51 s to 100 s; meanwhile the latency moves to −0.2 s and stays there.
         let nis = |k: u32| if (51..=100).contains(&k) { 12.0 } else { consistent(k) };
         let latency = |k: u32| -0.004 * f64::from(k.clamp(50, 100) - 50);
         let of = |k: u32| (nis(k), latency(k));
@@ -518,7 +520,7 @@ mod tests {
             (excess.sensor.as_str(), excess.dof, moved.name.as_str()),
             ("gnss", 3, "gnss.time_offset")
         );
-        // What is quiet before may be a few measurements above its mean.
+        // The start may include a few earlier measurements above the mean NIS.
         assert!(
             (46.0..=51.0).contains(&excess.from) && (100.0..=104.0).contains(&excess.to),
             "{excess:?}"
@@ -527,7 +529,7 @@ mod tests {
         assert!((moved.from, moved.to) == (0.0, -0.2) && moved.sigma == 0.05, "{moved:?}");
         // 1e-12: rounding.
         assert!((moved.sigmas - 4.0).abs() < 1e-12, "{moved:?}");
-        // A run that was saved goes on as if it had not been.
+        // A restored run continues as if it had never been saved.
         assert_eq!(heard(&filters, 300, &of, Some(70)), all);
         // The end of the run ends the stretch.
         assert!((heard(&filters, 95, &of, None)[0].to - 95.0).abs() < 1e-9);
@@ -539,9 +541,9 @@ mod tests {
         let large = |k: u32| if (51..=100).contains(&k) { 12.0 } else { consistent(k) };
         let far = |k: u32| -0.004 * f64::from(k.clamp(50, 100) - 50);
         assert_eq!(heard(&filters, 300, &|k| (consistent(k), far(k)), None), []);
-        // By three of its 1σ, which chance does once in 400 times.
+        // A move by 3σ₀, which happens by chance once in 400 times.
         assert_eq!(heard(&filters, 300, &|k| (large(k), 0.75 * far(k)), None), []);
-        // Far, but after innovations were as expected again for two minutes.
+        // A far move, but two minutes after the innovations became normal again.
         let later = |k: u32| if k < 250 { 0.0 } else { -0.2 };
         assert_eq!(heard(&filters, 300, &|k| (large(k), later(k)), None), []);
     }

@@ -1,9 +1,9 @@
-//! Since when innovations are larger than chance allows.
+//! The time since which innovations are larger than chance allows.
 
 use fusion_core::time::Time;
 
-/// Page's test of innovations: the logarithm of how much more probable twice their variance has become than the variance of
-/// the filter, since it was least.
+/// Page's test of innovations. It sums ln p(twice the variance) − ln p(the filter's variance) from the minimum
+/// of the sum.
 ///
 /// Source: Page 1954, Biometrika 41, 100–115
 #[derive(Clone, Copy, Debug, Default)]
@@ -14,14 +14,15 @@ pub(super) struct Page {
 }
 
 impl Page {
-    /// The sum that is no chance: of independent innovations it comes once in exp(20), 5e8 of them.
+    /// The alarm limit of the sum. Independent innovations exceed it by chance once in exp(20) = 5e8 measurements.
     pub(super) const ALARM: f64 = 20.0;
-    /// One measurement alone counts for so much at most: it takes four.
+    /// The largest contribution of one measurement: an alarm takes at least four.
     const MOST: f64 = Self::ALARM / 4.0;
 
-    /// Hears a NIS of `rows`; since when they have been too large, once that is beyond chance.
+    /// Adds a NIS of `rows` dimensions. Once the sum exceeds the alarm limit, returns the time since when innovations
+    /// are too large.
     pub(super) fn hear(&mut self, time: Time, nis: f64, rows: f64) -> Option<Time> {
-        // ln p(nis; 2σ²) − ln p(nis; σ²). `min` takes what is not a number for the most.
+        // ln p(nis; 2σ²) − ln p(nis; σ²). `min` turns NaN into the largest contribution.
         let gain = (0.25 * nis - 0.5 * core::f64::consts::LN_2 * rows).min(Self::MOST);
         self.sum = (self.sum + gain).max(0.0);
         if self.sum > 0.0 {
@@ -45,7 +46,7 @@ mod tests {
             let mut page = Page::default();
             (0..400).find_map(|k| page.hear(Time::from_seconds(f64::from(k)), nis(k), 3.0))
         };
-        // Of three rows: the mean of a consistent filter, and twice that from 200 s on.
+        // Three rows: the mean NIS of a consistent filter, and twice that from 200 s on.
         let consistent = |k: u32| [0.5, 2.0, 4.0, 5.5][(k % 4) as usize];
         assert_eq!(found(&consistent), None);
         let since = found(&|k| if k < 200 { consistent(k) } else { 2.0 * consistent(k) }).map(Time::seconds);

@@ -1,4 +1,4 @@
-//! The score of a filter, made of the errors that are told.
+//! The score of a filter, from the errors that are reported.
 
 use super::{Heard, RunEvent, RunObserver};
 use crate::score::{BlockScorer, Rules, Score, Scorer};
@@ -18,7 +18,7 @@ pub struct FilterScore {
 }
 
 impl FilterScore {
-    /// Without an error yet; the truth of the blocks that `is_drawn` will be told.
+    /// A score without errors yet. The truth of the blocks with `is_drawn` will be reported.
     #[must_use]
     pub fn new(filter: &Heard, rules: Rules, is_drawn: impl Fn(&str) -> bool) -> Self {
         Self {
@@ -72,8 +72,9 @@ impl RunObserver for FilterScore {
     }
 }
 
-/// How far a measurement moved what it measures, in 1σ of the estimate before it: with the innovation r, its variance S and
-/// the part HPHᵀ = S − R of the estimate, that moves by r HPHᵀ/S. The largest of its rows, each alone.
+/// How far a measurement moved the measured quantity, in 1σ of the estimate before it. The innovation r with variance
+/// S, of which HPHᵀ = S − R is the estimate's part, moves it by r HPHᵀ/S. Returns the largest value over the rows, each
+/// row alone.
 fn moved(update: &Update<'_>) -> f64 {
     let rows = update.innovation_sigma.len();
     let of = |k: usize| {
@@ -81,7 +82,7 @@ fn moved(update: &Update<'_>) -> f64 {
         let own = update.innovation_sigma[k].powi(2) - noise;
         update.residual[k].abs() * own.max(0.0).sqrt() / (own + noise / update.weight)
     };
-    // A row that says nothing is not a number.
+    // A row without information gives NaN.
     (0..rows.min(update.residual.len())).map(of).fold(0.0, f64::max)
 }
 
@@ -96,7 +97,7 @@ mod tests {
             verdict: Verdict::Accepted,
             value: &[],
             predicted: &[],
-            // 1σ of 4 m beside 3 m of the estimate, and a row that cannot move it.
+            // 1σ of 4 m against 3 m of the estimate, and a row that cannot move it.
             noise: &[16.0, 0.0, 0.0, 1.0],
             residual: &[10.0, 9.0],
             innovation_sigma: &[5.0, 1.0],

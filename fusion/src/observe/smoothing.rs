@@ -1,4 +1,4 @@
-//! Smoothing the outermost filter of a run, for observers of its own.
+//! Smoothing of the outermost filter of a run, for separate observers.
 //!
 //! ```text
 //! run ─▶ Smoother: steps, estimates that are asked for ─▶ FixedInterval or FixedLag
@@ -6,7 +6,7 @@
 //!            smoothed.csv, score ◀─ Hub of its own ◀───────────┘
 //! ```
 //!
-//! Asked for are the estimates that have a row in the file, and those about an epoch of the reference.
+//! The estimates asked for are those with a row in the file, and those on both sides of an epoch of the reference.
 
 use super::{Hub, RunEvent, RunObserver, Thinning};
 use fusion_core::filter::Step;
@@ -17,31 +17,31 @@ use fusion_core::state::Belief;
 use fusion_core::time::Time;
 use std::collections::VecDeque;
 
-/// By which data estimates are smoothed.
+/// The data by which estimates are smoothed.
 #[derive(Debug)]
 pub enum By {
     /// All of the log; the tape is for smoothed estimates.
     All(Box<FixedInterval>, Tape),
-    /// Those up to a time after the estimate.
+    /// The data up to a lag after the estimate.
     Lag(Box<FixedLag>),
 }
 
-/// Smooths the outermost filter and tells observers of its own as a [`Hub`] does.
+/// Smooths the outermost filter and reports to separate observers, as a [`Hub`] does.
 #[derive(Debug)]
 pub struct Smoother<'a> {
     by: By,
     hub: Hub<'a>,
-    /// Which estimates have a row; none where there is no file.
+    /// Which estimates have a row; `None` without a file.
     rows: Option<Thinning>,
     /// The estimate before the latest, if it may still be asked for, and the steps after it.
     previous: Option<Asked>,
     between: Vec<Link>,
     /// The latest estimate, until the next step.
     latest: Option<Asked>,
-    /// Where the filter started and nothing smoothed was told yet.
+    /// Starts of the filter after which no smoothed estimate was reported yet.
     starts: VecDeque<Time>,
     smoothed: u64,
-    /// A belief as the filter has them.
+    /// An example of the filter's belief.
     blank: Belief,
 }
 
@@ -53,8 +53,8 @@ struct Asked {
 }
 
 impl<'a> Smoother<'a> {
-    /// For the observers of `hub`, which hear of no other run; `rows` of the estimates are wanted for a file.
-    /// The filter's beliefs are like `blank`.
+    /// Reports to the observers of `hub`, which observe no other run. The file needs the estimates selected by `rows`.
+    /// The filter's beliefs have the form of `blank`.
     #[must_use]
     pub const fn new(by: By, hub: Hub<'a>, rows: Option<Thinning>, blank: Belief) -> Self {
         Self {
@@ -70,10 +70,10 @@ impl<'a> Smoother<'a> {
         }
     }
 
-    /// The end of the log: tells all that is left, and how many estimates were smoothed in all.
+    /// The end of the log: reports all remaining estimates. Returns the number of smoothed estimates.
     ///
     /// # Errors
-    /// The first of an observer, or what was kept that cannot be read back.
+    /// The first error of an observer, or stored data that cannot be read back.
     pub fn finish(mut self) -> Result<u64, Halt> {
         self.settle_all()?;
         let mut tell = told(&mut self.hub, &mut self.starts, &mut self.smoothed);
@@ -115,13 +115,13 @@ impl<'a> Smoother<'a> {
         Ok(())
     }
 
-    /// The latest two estimates are about an epoch of the reference.
+    /// The latest two estimates enclose an epoch of the reference.
     fn want(&mut self) {
         let both = self.previous.iter_mut().chain(&mut self.latest);
         both.for_each(|asked| asked.is_wanted = true);
     }
 
-    /// Hands on what nobody can ask for any more: all before the latest estimate.
+    /// Hands on all data before the latest estimate: no observer can ask for them any more.
     fn settle(&mut self) -> Result<(), Halt> {
         if let Some(asked) = self.previous.take()
             && asked.is_wanted
@@ -154,7 +154,7 @@ impl<'a> Smoother<'a> {
         }
     }
 
-    /// Hands on all there is.
+    /// Hands on all data.
     fn settle_all(&mut self) -> Result<(), Halt> {
         // The latest estimate becomes the one before, and is then handed on.
         self.settle()?;
@@ -162,7 +162,7 @@ impl<'a> Smoother<'a> {
     }
 }
 
-/// Counts what it tells `hub`, and tells it where another piece begins.
+/// Counts what it reports to `hub`, and starts the hub again where another piece begins.
 fn told<'h>(hub: &'h mut Hub<'_>, starts: &'h mut VecDeque<Time>, smoothed: &'h mut u64) -> impl FnMut(&Belief) -> Result<(), Halt> {
     |belief| {
         while starts.pop_front_if(|start| *start <= belief.time).is_some() {
@@ -173,7 +173,7 @@ fn told<'h>(hub: &'h mut Hub<'_>, starts: &'h mut VecDeque<Time>, smoothed: &'h 
     }
 }
 
-/// Only with a lag: what smoothing by all of the log keeps is as long as the log.
+/// Only with a lag: the data for smoothing by the whole log are as long as the log.
 impl Memory for Smoother<'_> {
     fn remember(&mut self, tape: &mut memory::Tape<'_>) {
         if let By::Lag(lag) = &mut self.by {
@@ -222,7 +222,7 @@ impl RunObserver for Smoother<'_> {
             RunEvent::Filter { filter, event } if filter.is_outermost() => match event {
                 Event::Started { belief, .. } => self.start(belief)?,
                 Event::Step(step) => self.step(step)?,
-                // The score of outages asks what was used.
+                // The score of outages needs the used measurements.
                 Event::Updated { .. } => self.hub.on(event)?,
                 _ => {}
             },

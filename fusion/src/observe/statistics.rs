@@ -1,4 +1,4 @@
-//! What became of each sensor's measurements: counts, rejection streaks of its gate, innovations.
+//! The outcomes of each sensor's measurements: counts, rejection streaks of its gate, innovations.
 
 use super::page::Page;
 use super::{Filters, HeardSensor, RunEvent, RunObserver};
@@ -11,97 +11,96 @@ use fusion_core::runner::{Event, Halt, StreamId};
 use fusion_core::time::Time;
 use serde::Serialize;
 
-/// Re-acquisitions whose times are kept.
+/// The maximum number of re-acquisition times that are kept.
 const REACQUIRED: usize = 10;
 
-/// How the filter took the rows that declared faults changed, and the others.
+/// How the filter treated the rows that declared faults changed, and the other rows.
 ///
-/// Only numbers that the sensor itself reads count: its channel, and the 1σ that comes with it.
-/// What a stage makes of a disturbed row is not known to be disturbed.
+/// Only numbers that the sensor itself reads count: its channel, and the 1σ in the same row. The output of a stage for
+/// a disturbed row does not count as disturbed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Disturbed {
     /// Disturbed rows that were used.
     pub missed: u64,
     /// Disturbed rows that were rejected.
     pub caught: u64,
-    /// Rows left alone that were rejected; of a recorded log some may be wrong by themselves.
+    /// Undisturbed rows that were rejected. In a recorded log some of them may be wrong.
     pub false_rejections: u64,
 }
 
-/// Measurements rejected one after the other.
+/// Consecutive rejected measurements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct RejectionStreak {
     /// Time of the first \[s\].
     pub from: f64,
-    /// How many.
+    /// The number of measurements.
     pub measurements: u64,
-    /// From the first to the next measurement that was used, or to the end of the run \[s\].
+    /// From the first measurement to the next one that was used, or to the end of the run \[s\].
     pub seconds: f64,
 }
 
-/// The innovations r = z ⊟ h(x̂) of accepted measurements, sensor minus navigation before the
-/// measurement was used; from `[reference] from` on, where the design has it.
+/// The innovations r = z ⊟ h(x̂) of accepted measurements: sensor minus estimate before the update. They count from
+/// `[reference] from` on, if the design has it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Innovations {
     /// Measurements counted.
     pub count: u64,
-    /// Name per residual row; empty where they have none.
+    /// Name of each residual row; empty if they have no names.
     pub axis: &'static [&'static str],
     /// SI unit per residual row.
     pub unit: Vec<String>,
-    /// Root mean square per residual row; 0 where none is counted.
+    /// Root mean square per residual row; 0 if no measurement is counted.
     pub rms: Vec<f64>,
-    /// Largest magnitude per residual row; 0 where none is counted.
+    /// Largest magnitude per residual row; 0 if no measurement is counted.
     pub max: Vec<f64>,
-    /// When that was \[s\].
+    /// Time of the largest magnitude \[s\].
     pub max_time: Vec<f64>,
-    /// Autocorrelation at lag 1 of the innovations in units of their σ, from −1 to 1: of a filter whose models are
-    /// right it is 0, within 2/√count. 0 where none is counted.
+    /// Autocorrelation at lag 1 of the innovations in units of their σ, from −1 to 1. With correct models it is 0,
+    /// within 2/√count. 0 if no measurement is counted.
     pub lag_1: Vec<f64>,
-    /// Mean per residual row; 0 where none is counted.
+    /// Mean per residual row; 0 if no measurement is counted.
     pub mean: Vec<f64>,
-    /// How many of its own 1σ the mean is away from 0, of innovations in units of their σ; the 1σ knows of the
-    /// correlation of neighbours. 0 where none is counted.
+    /// The mean of the innovations in units of their σ, divided by its own 1σ. This 1σ includes the correlation of
+    /// neighbours. 0 if no measurement is counted.
     pub mean_sigmas: Vec<f64>,
-    /// How many measurements that are independent of each other tell as much as all of these; a mean that is not 0
-    /// counts as an error that lasts.
+    /// The effective number of independent measurements. A mean that is not 0 counts as a slow error.
     pub independent: Vec<f64>,
 }
 
-/// What became of a sensor's measurements.
+/// The outcomes of a sensor's measurements.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct SensorStatistics {
     /// The sensor.
     pub name: String,
     /// Measurements that corrected the estimate.
     pub accepted: u64,
-    /// Those its gate rejected.
+    /// Measurements that its gate rejected.
     pub rejected: u64,
-    /// Those of them that its gate did not judge: its leader's measurement (`only_with`) was rejected.
+    /// Rejected measurements that its gate did not judge: its leader's measurement (`only_with`) was rejected.
     pub with_leader: u64,
-    /// Those its gate believed against the estimate.
+    /// Measurements that its gate re-acquired, against the estimate.
     pub reacquired: u64,
-    /// When its gate did so after it had rejected some \[s\]: the first ten times.
+    /// Times of re-acquisitions after rejections \[s\]: the first ten.
     pub reacquired_at: Vec<f64>,
-    /// Those without a value at the estimate, or that could not be used.
+    /// Measurements without a value at the estimate, or that could not be used.
     pub unusable: u64,
-    /// Of disturbed rows, where a declared fault may change what it reads.
+    /// Counts of disturbed rows, if a declared fault may change the numbers that it reads.
     pub disturbed: Option<Disturbed>,
-    /// The most measurements rejected in a row; none where none was rejected.
+    /// The longest rejection streak; `None` if no measurement was rejected.
     pub longest_rejection_streak: Option<RejectionStreak>,
-    /// Whether its gate was in denial at the end.
+    /// True if its gate counted it as denied at the end.
     pub ends_denied: bool,
-    /// Mean NIS of those accepted that [`Innovations`] counts, with its band; a gate that cuts into
-    /// the good ones lowers it.
+    /// Mean NIS, with its band, of the accepted measurements that [`Innovations`] counts. A gate that rejects good
+    /// measurements lowers it.
     pub nis: Option<Consistency>,
-    /// Innovations of those accepted.
+    /// Innovations of accepted measurements.
     pub innovations: Innovations,
-    /// Since when its measurements, rejected ones too, disagreed with the estimate beyond any chance \[s\]; none where they
-    /// never did.
+    /// The time since which its measurements, including rejected ones, disagree with the estimate more than chance
+    /// allows \[s\]. `None` if they never did.
     pub disagrees_from: Option<f64>,
-    /// The power of its gate, per residual row in SI: the median, over the measurements judged, of
-    /// the smallest error of that row alone that would have been refused. Infinite (`null` in JSON)
-    /// where none would be; none where nothing was judged.
+    /// The power of its gate, per residual row in SI: the smallest error of that row alone that the gate would have
+    /// rejected. It is the median over the judged measurements. Infinite (`null` in JSON) if the gate would reject no
+    /// error. Empty if no measurement was judged.
     pub gate_power: Vec<f64>,
 }
 
@@ -110,8 +109,8 @@ pub struct SensorStatistics {
 pub struct Statistics(Box<[Follower]>);
 
 impl Statistics {
-    /// Innovations count from `from` on. Faults may change the numbers `disturbable` of the streams
-    /// outside; which rows inside a stage are disturbed is told, but not which may be.
+    /// Innovations count from `from` on. Faults may change the columns `disturbable` of the outer streams. Inside a
+    /// stage, disturbed rows are reported, but the columns that may be disturbed are not known.
     #[must_use]
     pub fn new(filters: &Filters, from: Option<Time>, disturbable: &[(StreamId, Range<usize>)]) -> Self {
         let of_filter = |f: &super::Heard| if f.is_outermost() { disturbable } else { &[] };
@@ -123,7 +122,7 @@ impl Statistics {
         )
     }
 
-    /// The statistics of a run that ends at `end`, of the sensors of all filters in order.
+    /// The statistics of the sensors of all filters, in order, for a run that ends at `end`.
     #[must_use]
     pub fn finish(self, end: Time) -> Vec<SensorStatistics> {
         self.0.into_iter().map(|f| f.finish(end)).collect()
@@ -194,24 +193,24 @@ impl RunObserver for Statistics {
 struct Follower {
     statistics: SensorStatistics,
     nis: Series,
-    /// Of each residual row, what the gate would have refused.
+    /// The smallest rejected errors, for each residual row.
     power: Box<[Quantiles]>,
-    /// What is followed of each residual row.
+    /// The innovations of each residual row.
     rows: Box<[Row]>,
-    /// Innovations count from here on.
+    /// Innovations count from this time on.
     from: Option<Time>,
-    /// The first of the measurements that are being rejected, and how many they are.
+    /// The time of the first measurement of the current rejection streak, and the number of its measurements.
     streak: Option<(Time, u64)>,
     page: Page,
 }
 
-/// What is followed of the innovations of a residual row.
+/// The innovations of a residual row.
 #[derive(Clone, Debug)]
 struct Row {
     sum: f64,
     squares: f64,
     pairs: Pairs,
-    /// In units of their σ.
+    /// The innovations in units of their σ.
     scaled: Series,
 }
 
@@ -233,7 +232,7 @@ impl Row {
         self.squares += r * r;
     }
 
-    /// The same in units of its σ, where it has one.
+    /// Adds an innovation in units of its σ, if it has a σ.
     fn add_scaled(&mut self, u: f64) {
         if u.is_finite() {
             self.pairs.add(u);
@@ -263,7 +262,7 @@ impl Pairs {
 }
 
 impl Follower {
-    /// Of `sensor`, whose rows may be `disturbable`: streams and columns of them.
+    /// Follows `sensor`, whose rows may be `disturbable`: streams and columns.
     fn new(sensor: &HeardSensor, from: Option<Time>, disturbable: &[(StreamId, Range<usize>)]) -> Self {
         let m = sensor.rows.len();
         let may_be = disturbable.iter().any(|(stream, columns)| sensor.reads_any(*stream, columns));
@@ -292,7 +291,7 @@ impl Follower {
         }
     }
 
-    /// Hears what became of a measurement.
+    /// Hears the outcome of a measurement.
     fn judged(&mut self, time: Time, was_disturbed: bool, update: &Update<'_>) {
         let statistics = &mut self.statistics;
         let is_used = match update.verdict {
@@ -302,7 +301,7 @@ impl Follower {
             }
             Verdict::Reacquired => {
                 statistics.reacquired += 1;
-                // A bank believes one against the estimate without a rejection before.
+                // A bank may re-acquire a sensor without a rejection before.
                 if self.streak.is_some() && statistics.reacquired_at.len() < REACQUIRED {
                     statistics.reacquired_at.push(time.seconds());
                 }
@@ -333,7 +332,7 @@ impl Follower {
             self.streak.get_or_insert((time, 0)).1 += 1;
         }
         let is_counted = self.from.is_none_or(|from| time >= from);
-        // A leader's rejection says nothing of this one.
+        // A rejection of the leader says nothing about this sensor.
         let is_judged = is_used || update.threshold < f64::INFINITY;
         if is_counted && is_judged && self.statistics.disagrees_from.is_none() {
             let since = self.page.hear(time, update.nis, update.residual.len() as f64);
@@ -383,7 +382,7 @@ impl Follower {
         innovations.mean_sigmas = self.rows.iter().map(|row| row.scaled.mean_sigmas()).collect();
         innovations.independent = self.rows.iter().map(|row| row.scaled.independent_about_zero()).collect();
         self.statistics.gate_power = self.power.iter_mut().filter_map(median).collect();
-        // Where every row is disturbed, none is left that a gate could tell it from.
+        // If every row is disturbed, there are no good rows to compare with.
         let judged = self.statistics.accepted + self.statistics.rejected + self.statistics.reacquired;
         self.statistics.disturbed = (self.statistics.disturbed).filter(|d| judged == 0 || d.missed + d.caught < judged);
         self.statistics.nis = Consistency::of(&self.nis, innovations.unit.len());
@@ -391,7 +390,7 @@ impl Follower {
     }
 }
 
-/// The middle one of `values`, the upper of two.
+/// The median of `values`; the upper of two.
 fn median(values: &mut Quantiles) -> Option<f64> {
     values.at(values.len() / 2)
 }
@@ -400,7 +399,7 @@ fn median(values: &mut Quantiles) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Of one residual row, disturbed now and then.
+    /// A follower of one residual row, with some disturbed rows.
     fn follower() -> Follower {
         Follower {
             statistics: SensorStatistics {
@@ -473,7 +472,7 @@ mod tests {
         let mut f = follower();
         let verdicts = [Rejected, Accepted, Rejected, Unusable, Rejected, Reacquired, Rejected, Rejected];
         for (t, verdict) in verdicts.into_iter().enumerate() {
-            // Nothing is judged where a measurement is unusable: its mode says nothing.
+            // An unusable measurement is not judged, so its mode does not matter.
             let mode = if verdict == Rejected { Mode::Denied } else { Mode::Track };
             judge(&mut f, t as f64, verdict, 0.0, mode);
         }
@@ -490,7 +489,7 @@ mod tests {
             f.streak = Some((at(6.0), 2));
             f.statistics.longest_rejection_streak = streak(2.0, 3.0);
         }
-        // Of two with as many measurements the one that lasts longer; of equals the first.
+        // The longest streak has the most measurements, then the longest duration; of equal streaks the first counts.
         assert_eq!(early.finish(at(9.0)).longest_rejection_streak, streak(2.0, 3.0));
         assert_eq!(late.finish(at(9.5)).longest_rejection_streak, streak(6.0, 3.5));
         let found = f.finish(at(9.0));
@@ -526,7 +525,7 @@ mod tests {
             }
             f.finish(at(99.0)).innovations.lag_1[0]
         };
-        // Each pair but that at the end is counted: 3 of 4.
+        // All pairs count, and four values have three pairs: 3 of 4.
         assert_eq!(lag_1(&[2.0, 2.0, 2.0, 2.0]), 0.75);
         assert_eq!(lag_1(&[2.0, -2.0, 2.0, -2.0]), -0.75);
         assert_eq!(lag_1(&[1.0, 1.0, -1.0, -1.0, 1.0]), 0.0);
@@ -547,13 +546,13 @@ mod tests {
             }
             f.finish(at(999.0)).innovations
         };
-        // ±2 by turns, with and without a mean of 0.5: √400 = 20 of them, each with a 1σ of 2.
+        // ±2 in alternation, with and without a mean of 0.5: √400 = 20, each with a 1σ of 2.
         let turns = |k: u32| if k.is_multiple_of(2) { 2.0 } else { -2.0 };
         let found = of(&turns);
         assert_eq!((found.mean[0], found.mean_sigmas[0], found.independent[0]), (0.0, 0.0, 400.0));
         let found = of(&|k| turns(k) + 0.5);
         assert_eq!((found.mean[0], found.mean_sigmas[0]), (0.5, 5.0));
-        // Blocks of 20 that are alike: τ is 20.
+        // Blocks of 20 equal values: τ is 20.
         let found = of(&|k| turns(k / 20));
         assert!((10.0..40.0).contains(&found.independent[0]), "{found:?}");
         assert!(found.mean_sigmas[0].abs() < 1e-9);

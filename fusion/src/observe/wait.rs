@@ -1,34 +1,36 @@
-//! What a run waited for before its filter started.
+//! The wait of a run before its filter started.
 
 use core::fmt;
 use fusion_core::time::Time;
 use serde::Serialize;
 
-/// What was still waited for after so much of the wait is what it was for; the rest was ready long before.
+/// An initialiser is a cause of the wait if it was still waiting after this share of it; all others were ready long
+/// before.
 const LATE: f64 = 0.9;
-/// How often it is asked what is waited for \[s\]: the answer is a text, and a log may have thousands of rows a second.
+/// The interval between two queries of what the filter waits for \[s\]: the answer is a text, and a log may have
+/// thousands of rows per second.
 const EVERY: f64 = 0.1;
 
-/// The part of a log that lies before the start of the outermost filter.
+/// The part of a log before the start of the outermost filter.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Wait {
     /// From the first row to the start \[s\].
     pub seconds: f64,
     /// From the first row to the last \[s\].
     pub of: f64,
-    /// What it was for: the initialiser, and what that waited for.
+    /// The causes of the wait: the initialisers, and what each waited for.
     pub waited: Vec<(String, String)>,
 }
 
 impl Wait {
-    /// The part of the log.
+    /// The share of the log before the start.
     #[must_use]
     pub fn share(&self) -> f64 {
         self.seconds / self.of
     }
 }
 
-/// `98 % of the log lies before it and was not used: `levelling` waited for rest`.
+/// For example: ``98 % of the log lies before it and was not used: `levelling` waited for rest``.
 impl fmt::Display for Wait {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:.0} % of the log lies before it and was not used", 100.0 * self.share())?;
@@ -44,11 +46,11 @@ impl fmt::Display for Wait {
 pub(super) struct Waiting {
     first: Option<Time>,
     last: Time,
-    /// The first start; a filter may start anew later.
+    /// The first start; a filter may start again later.
     started: Option<Time>,
-    /// When it was asked last.
+    /// The time of the last query.
     asked: Option<Time>,
-    /// Who waits for what, and the last row at which it did.
+    /// Each initialiser, what it waits for, and the last row at which it waited.
     pending: Vec<(String, String, Time)>,
 }
 
@@ -81,7 +83,7 @@ impl Waiting {
         self.started.get_or_insert(time);
     }
 
-    /// None of a filter that never started.
+    /// `None` if the filter never started.
     pub(super) fn finish(self) -> Option<Wait> {
         let (first, started) = self.first.zip(self.started)?;
         let seconds = started.seconds_since(first).max(0.0);
@@ -118,7 +120,7 @@ mod tests {
         assert_eq!((found.seconds, found.of, found.share()), (40.0, 100.0, 0.4));
         assert_eq!(found.waited, [("levelling".to_owned(), "rest".to_owned())]);
         assert_eq!(Waiting::default().finish(), None);
-        // A second of a fast log: who waits is asked ten times.
+        // One second of a fast log: ten queries.
         let (mut waiting, mut asked) = (Waiting::default(), 0);
         for k in 0..1000 {
             waiting.row(Time::from_nanos(k * 1_000_000), || {

@@ -7,13 +7,13 @@ use std::io::{self, Write};
 /// Text is handed on in pieces of about this size.
 const PIECE: usize = 32 << 10;
 
-/// Writes rows of as many cells as the first has; a cell that would break its row is quoted (RFC 4180).
+/// Writes rows with the number of cells of the first row; a cell that would break its row is quoted (RFC 4180).
 #[derive(Debug)]
 pub struct Cells<W: Write> {
     out: W,
-    /// What is held back: rows, and the begun one.
+    /// The buffered text: complete rows, and the current row.
     text: Vec<u8>,
-    /// Cells of the begun row, and of the first.
+    /// Cells of the current row, and of the first row.
     begun: usize,
     width: Option<usize>,
 }
@@ -29,7 +29,7 @@ impl<W: Write> Cells<W> {
         }
     }
 
-    /// Begins a cell: where its text starts.
+    /// Begins a cell, and returns the position of its text.
     fn begin(&mut self) -> usize {
         if self.begun > 0 {
             self.text.push(b',');
@@ -59,26 +59,26 @@ impl<W: Write> Cells<W> {
         self.put(text)
     }
 
-    /// A number with so many decimals.
+    /// A number with this number of decimals.
     pub(crate) fn fixed(&mut self, number: f64, decimals: usize) {
         self.begin();
         decimal::fixed(&mut self.text, number, decimals);
     }
 
-    /// A number with one digit before the point, so many behind it, and an exponent of ten.
+    /// A number with one digit before the point, this number of decimals, and an exponent of ten.
     pub(crate) fn scientific(&mut self, number: f64, decimals: usize) {
         self.begin();
         decimal::scientific(&mut self.text, number, decimals);
     }
 
-    /// So many cells with nothing to say.
+    /// This number of empty cells.
     pub(crate) fn empty(&mut self, cells: usize) {
         (0..cells).for_each(|_| {
             self.begin();
         });
     }
 
-    /// A cell where there may be nothing to say.
+    /// A cell that may be empty.
     pub fn maybe(&mut self, content: Option<impl Display>) -> io::Result<()> {
         match content {
             Some(content) => self.put(content),
@@ -105,26 +105,26 @@ impl<W: Write> Cells<W> {
         Ok(())
     }
 
-    /// Hands on what is held back.
+    /// Hands on the buffered text.
     fn pass_on(&mut self) -> io::Result<()> {
-        // What fails once is not written again.
+        // Text that could not be written is not tried again.
         let written = self.out.write_all(&self.text);
         self.text.clear();
         written
     }
 
-    /// Writes what is held back.
+    /// Writes the buffered text.
     pub fn flush(&mut self) -> io::Result<()> {
         self.pass_on()?;
         self.out.flush()
     }
 
-    /// What is written to; what is held back is not there yet.
+    /// The writer; it does not have the buffered text yet.
     pub(crate) fn sink(&self) -> &W {
         &self.out
     }
 
-    /// Writes what is held back, and returns what was written to.
+    /// Writes the buffered text, and returns the writer.
     pub(crate) fn finish(mut self) -> io::Result<W> {
         self.flush()?;
         Ok(self.out)

@@ -1,8 +1,8 @@
 //! Numbers as decimal text, rounded exactly: to the byte what `{:.N}` and `{:.Ne}` write, at a tenth of the time.
 //!
 //! With |x| = m 2^e, m < 2^53, the digits of x·10^p are the whole number m 5^p 2^(e+p). The bits that are shifted
-//! out decide the rounding: nothing is lost before, and halves go to the even digit, as in `core::fmt`. That
-//! writes whatever 64 bits of digits or p = 27 do not reach, and what is not finite.
+//! out decide the rounding: nothing is lost before, and halves go to the even digit, as in `core::fmt`.
+//! `core::fmt` writes numbers with more than 64 bits of digits or p > 27, and numbers that are not finite.
 
 use std::io::Write;
 
@@ -43,7 +43,7 @@ const PAIRS: [[u8; 2]; 100] = {
     pairs
 };
 
-/// Appends `x` with so many decimals: `{x:.decimals$}`.
+/// Appends `x` with this number of decimals: `{x:.decimals$}`.
 pub(super) fn fixed(out: &mut Vec<u8>, x: f64, decimals: usize) {
     let parts = Parts::of(x).filter(|_| decimals <= MOST);
     match parts.and_then(|parts| parts.times_ten_to(decimals)) {
@@ -57,7 +57,7 @@ pub(super) fn fixed(out: &mut Vec<u8>, x: f64, decimals: usize) {
     }
 }
 
-/// Appends `x` with one digit before the point, so many decimals and an exponent: `{x:.decimals$e}`.
+/// Appends `x` with one digit before the point, this number of decimals and an exponent: `{x:.decimals$e}`.
 pub(super) fn scientific(out: &mut Vec<u8>, x: f64, decimals: usize) {
     let parts = Parts::of(x).filter(|_| decimals <= MOST);
     match parts.and_then(|parts| parts.significant(decimals)) {
@@ -247,7 +247,7 @@ mod tests {
         for _ in 0..1_000_000 {
             let (halvings, whole) = (1 + bits.below(17) as i32, bits.below(1 << 20));
             let odd = (2 * whole + 1) as f64 * 2_f64.powi(-halvings);
-            // With one decimal less than it has, 5 is what is left out.
+            // With one decimal less than it has, the digit left out is 5.
             both(odd, halvings as usize - 1).unwrap();
             both(-odd, halvings as usize - 1).unwrap();
             let near = f64::from_bits(odd.to_bits() + bits.below(3) - 1);

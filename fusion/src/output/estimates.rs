@@ -63,7 +63,7 @@ impl Origin {
         let mut frame = self.0.get().cloned();
         frame.remember(tape);
         if let Some(frame) = frame {
-            // The same, where there is one.
+            // An existing frame is the same.
             let _ = self.0.set(frame);
         }
     }
@@ -84,7 +84,7 @@ pub struct EstimateWriter<W: Write> {
     further: Vec<Block>,
 }
 
-/// What was written is not remembered.
+/// The rows already written are not part of the memory.
 impl<W: Write> Memory for EstimateWriter<W> {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         self.origin.remember(tape);
@@ -95,7 +95,7 @@ impl<W: Write> EstimateWriter<W> {
     /// Writes the header.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// The errors of the writer.
     pub fn new(out: W, layout: &Layout, origin: Origin) -> io::Result<Self> {
         let blocks = layout.blocks().iter();
         let further: Vec<Block> = blocks.filter(|b| !SHOWN.contains(&b.name.as_str())).cloned().collect();
@@ -110,7 +110,7 @@ impl<W: Write> EstimateWriter<W> {
             }
         }
         cells.end()?;
-        // A full disk is told before the run.
+        // A full disk is reported before the run.
         cells.flush()?;
         Ok(Self { cells, origin, further })
     }
@@ -118,7 +118,7 @@ impl<W: Write> EstimateWriter<W> {
     /// Writes one row.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// The errors of the writer.
     pub fn write(&mut self, s: &Solution, belief: &Belief) -> io::Result<()> {
         self.cells.fixed(s.time.seconds(), 6);
         self.position(s);
@@ -134,7 +134,7 @@ impl<W: Write> EstimateWriter<W> {
         self.cells.end()
     }
 
-    /// Three numbers with so many decimals.
+    /// Three numbers with this number of decimals.
     fn axes(&mut self, numbers: Option<&Vector3<f64>>, decimals: usize) {
         match numbers {
             Some(numbers) => numbers.iter().for_each(|number| self.cells.fixed(*number, decimals)),
@@ -182,23 +182,23 @@ impl<W: Write> EstimateWriter<W> {
         }
     }
 
-    /// Writes what is held back.
+    /// Writes the buffered text.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// The errors of the writer.
     pub fn flush(&mut self) -> io::Result<()> {
         self.cells.flush()
     }
 
-    /// What is written to; what is held back is not there yet.
+    /// The writer; it does not have the buffered text yet.
     pub fn sink(&self) -> &W {
         self.cells.sink()
     }
 
-    /// Writes what is held back, and returns what was written to.
+    /// Writes the buffered text, and returns the writer.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// The errors of the writer.
     pub fn finish(self) -> io::Result<W> {
         self.cells.finish()
     }

@@ -1,4 +1,4 @@
-//! Files that get their names together, when all of them are whole.
+//! Files that get their names together, when all of them are complete.
 //!
 //! ```text
 //! FileSet::begin ─▶ create ─▶ OutputFile, written as .fusion-partial/NAME ─▶ close ─▶ commit ─▶ NAME
@@ -6,10 +6,10 @@
 //!
 //! A file that is not closed never gets its name. So a run that fails, is stopped or is killed
 //! leaves the files of an earlier one as they were. At [`commit`](FileSet::commit) the file that
-//! was closed last, the summary, is removed first and put back last: where it stands, every other
-//! file is of the same run.
+//! was closed last, the summary, is removed first and put back last. If the summary exists, all other
+//! files are from the same run.
 //!
-//! The unfinished files of a set may also be kept when its process ends, for another one to go on with.
+//! The unfinished files of a set may also be kept when its process ends, so that another process can continue them.
 
 use super::{Spill, Unwritable};
 use core::cell::Cell;
@@ -43,14 +43,14 @@ pub fn abandon() -> Abandoned {
     let mut held = unfinished();
     let mut folders: Vec<PathBuf> = held.drain(..).collect();
     for partial in &mut folders {
-        // What cannot be removed has no final name.
+        // A file that cannot be removed does not have its final name.
         let _ = fs::remove_dir_all(&partial);
         partial.pop();
     }
     Abandoned { _held: held, folders }
 }
 
-/// What becomes of files that are not finished.
+/// How unfinished files are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Unfinished {
     Removed,
@@ -78,24 +78,24 @@ pub struct OutputFile {
     /// Its final path.
     path: PathBuf,
     name: String,
-    /// Whether it gets its name at the end; a pipe or a device is written where it is.
+    /// Set if it gets its name at the end; a pipe or a device is written directly.
     is_staged: bool,
     out: BufWriter<File>,
     /// Bytes that have been written to it.
     length: Cell<u64>,
 }
 
-/// Something that is written to, and that may be gone on with by another process.
+/// A writer whose output another process may continue.
 pub trait Sink: Write {
     /// Bytes in it, once it is flushed.
     fn length(&self) -> u64 {
         0
     }
 
-    /// What was flushed is put where it outlives the process, and the machine.
+    /// Stores the flushed bytes so that they survive the end of the process, and a crash of the machine.
     ///
     /// # Errors
-    /// What the system reports.
+    /// The errors of the system.
     fn sync(&self) -> io::Result<()> {
         Ok(())
     }
@@ -103,22 +103,22 @@ pub trait Sink: Write {
     /// Takes back everything after the first `length` bytes.
     ///
     /// # Errors
-    /// It does not have as many, or what the system reports.
+    /// It has fewer bytes, or an error of the system.
     fn cut(&self, _length: u64) -> io::Result<()> {
         Ok(())
     }
 }
 
 impl FileSet {
-    /// In `folder`, which is made if need be.
+    /// Begins a set in `folder`, which is created if necessary.
     ///
     /// # Errors
-    /// Where nothing can be written there, or another process is at it.
+    /// The folder is not writable, or another process uses it.
     pub fn begin(folder: &Path) -> Result<Self, Unwritable> {
         Self::open(folder, Unfinished::Removed, false)
     }
 
-    /// The same, and its unfinished files are kept when this process ends, for another one to go on with.
+    /// The same, but its unfinished files are kept when this process ends, so that another process can continue them.
     ///
     /// # Errors
     /// As [`FileSet::begin`].
@@ -126,10 +126,10 @@ impl FileSet {
         Self::open(folder, Unfinished::Kept, false)
     }
 
-    /// Goes on with the unfinished files that another process has kept in `folder`.
+    /// Continues the unfinished files that another process has kept in `folder`.
     ///
     /// # Errors
-    /// There are none, nothing can be written there, or another process is at it.
+    /// There are no unfinished files, the folder is not writable, or another process uses it.
     pub fn go_on(folder: &Path) -> Result<Self, Unwritable> {
         Self::open(folder, Unfinished::Kept, true)
     }
@@ -150,7 +150,7 @@ impl FileSet {
                 )));
             }
         } else {
-            // Left by a process that was killed: the folder is locked by nobody else.
+            // Left by a killed process: no other process has locked the folder.
             let _ = fs::remove_dir_all(&partial);
             fs::create_dir(&partial).map_err(failed)?;
         }
@@ -181,7 +181,7 @@ impl FileSet {
         let is_staged = found.is_none_or(|f| f.is_file());
         let file = if is_staged {
             let _unfinished = unfinished();
-            // One that is gone on with is cut by whoever remembers its length.
+            // A continued file is not truncated here: its owner cuts it to the remembered length.
             let goes_on = self.unfinished == Unfinished::Kept;
             let mut options = File::options();
             options.write(true).create(true).truncate(!goes_on).open(self.partial.join(name))
@@ -201,7 +201,7 @@ impl FileSet {
         }
     }
 
-    /// Begins a file that is read back, and gone before the others have their names.
+    /// Begins a file that is read back, and removed before the other files get their names.
     ///
     /// # Errors
     /// Where it cannot be written.
@@ -211,10 +211,10 @@ impl FileSet {
         Spill::create(path)
     }
 
-    /// Ends a file that is whole.
+    /// Ends a complete file.
     ///
     /// # Errors
-    /// Where what was held back cannot be written.
+    /// The buffered bytes cannot be written.
     pub fn close(&mut self, mut file: OutputFile) -> Result<(), Unwritable> {
         let mut end = || {
             file.out.flush()?;
@@ -243,7 +243,7 @@ impl FileSet {
         self.close(file)
     }
 
-    /// Says that this result has no file `name`: one of an earlier result is removed with the others.
+    /// Declares that this result has no file `name`: the file of an earlier result is removed with the others.
     pub fn without(&mut self, name: &str) {
         self.absent.push(name.to_owned());
     }
@@ -273,7 +273,7 @@ impl FileSet {
     }
 }
 
-/// Locks a folder against other processes; `None` where the system cannot.
+/// Locks a folder against other processes; `None` if the system cannot.
 fn lock(folder: &Path) -> io::Result<Option<File>> {
     let Ok(handle) = File::open(folder) else { return Ok(None) };
     match handle.try_lock() {

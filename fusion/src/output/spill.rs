@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// The bytes behind a block that hold its length.
 const LENGTH: usize = size_of::<u64>();
 
-/// Blocks in a file of its own, the last one written being read first; it is removed in the end.
+/// Blocks in a separate file; the block written last is read first. The file is removed at the end.
 #[derive(Debug)]
 pub struct Spill {
     path: PathBuf,
@@ -41,7 +41,7 @@ impl Spill {
         Ok(())
     }
 
-    /// The last block; false where there is none.
+    /// Reads the last block; returns false if no block is left.
     fn read(&mut self, block: &mut Vec<u8>) -> io::Result<bool> {
         let Some(at) = self.end.checked_sub(LENGTH as u64) else {
             return Ok(false);
@@ -72,7 +72,7 @@ impl Shelf for Spill {
 
 impl Drop for Spill {
     fn drop(&mut self) {
-        // What cannot be removed goes with its folder.
+        // A file that cannot be removed is removed with its folder.
         let _ = fs::remove_file(&self.path);
     }
 }

@@ -17,7 +17,7 @@ impl<W: Write> UpdateWriter<W> {
     /// Writes the header for residuals of up to `rows` numbers.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// The errors of the writer.
     pub fn new(out: W, rows: usize) -> io::Result<Self> {
         let mut cells = Cells::new(out);
         cells.texts(["t_s", "sensor", "verdict", "nis", "statistic", "threshold", "mode", "weight"])?;
@@ -25,7 +25,7 @@ impl<W: Write> UpdateWriter<W> {
             (0..rows).try_for_each(|i| cells.put(format_args!("{what}_{i}")))?;
         }
         cells.end()?;
-        // A full disk is told before the run.
+        // A full disk is reported before the run.
         cells.flush()?;
         Ok(Self { cells, rows })
     }
@@ -33,7 +33,7 @@ impl<W: Write> UpdateWriter<W> {
     /// Writes one row.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// The errors of the writer.
     pub fn write(&mut self, time: Time, sensor: &str, u: &Update<'_>) -> io::Result<()> {
         self.cells.fixed(time.seconds(), 6);
         self.cells.texts([sensor, verdict_name(u.verdict)])?;
@@ -46,7 +46,7 @@ impl<W: Write> UpdateWriter<W> {
         self.cells.end()
     }
 
-    /// A number, or an empty cell where there is none.
+    /// A number, or an empty cell for NaN.
     fn number(&mut self, value: f64) {
         if value.is_nan() {
             self.cells.empty(1);
@@ -55,23 +55,23 @@ impl<W: Write> UpdateWriter<W> {
         }
     }
 
-    /// Writes what is held back.
+    /// Writes the buffered text.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// The errors of the writer.
     pub fn flush(&mut self) -> io::Result<()> {
         self.cells.flush()
     }
 
-    /// What is written to; what is held back is not there yet.
+    /// The writer; it does not have the buffered text yet.
     pub fn sink(&self) -> &W {
         self.cells.sink()
     }
 
-    /// Writes what is held back, and returns what was written to.
+    /// Writes the buffered text, and returns the writer.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// The errors of the writer.
     pub fn finish(self) -> io::Result<W> {
         self.cells.finish()
     }

@@ -1,4 +1,4 @@
-//! The attitude errors of a run, the mean rotation between the two bodies taken out or not.
+//! The attitude errors of a run, with or without removal of the mean rotation between the two bodies.
 
 use super::bounded::{Quantiles, Thinned};
 use super::comparison::{AttitudeError, Deviation, attitude_error};
@@ -8,27 +8,28 @@ use fusion_core::geometry::so3;
 use fusion_core::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// A pitch beyond which roll and yaw are not judged \[rad\]: they turn about nearly one axis there, and a small tilt makes
-/// errors of both that are 1/cos 80° = 6 times as large, and no straight lines of it.
+/// Roll and yaw are not judged above this pitch \[rad\]. There they rotate about nearly the same axis. A small tilt
+/// then makes errors of both that are 1/cos 80° = 6 times as large, and no longer linear in the tilt.
 const STEEP: f64 = 80.0 * core::f64::consts::PI / 180.0;
 
-/// Attitudes as they come.
+/// Collects attitudes as they arrive.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Attitudes {
     removes_mounting: bool,
     count: u64,
-    /// Those whose roll and yaw are not judged.
+    /// Epochs whose roll and yaw are not judged.
     steep: u64,
-    /// Roll, pitch, yaw \[deg\], where no mounting is taken out.
+    /// Roll, pitch, yaw \[deg\], if no mounting is removed.
     sums: Sums,
     turns: Turns,
-    /// Where it is: it is known in the end. Of more than 2^16 epochs every second, fourth, … counts.
+    /// The epochs if a mounting is removed: it is known only at the end. Above 2^16 epochs every second, fourth, … is
+    /// kept.
     kept: Thinned<Kept>,
     /// The mounting is the mean from this time on \[s\].
     aligned: Option<f64>,
 }
 
-/// What is needed of an epoch to take the mounting out.
+/// The data of an epoch for removing the mounting.
 #[derive(Clone, Copy, Debug, Default)]
 struct Kept {
     time: Time,
@@ -39,13 +40,13 @@ struct Kept {
     is_estimated: [bool; 3],
 }
 
-/// Sums of squared turns \[rad²\].
+/// Sums of squared rotations \[rad²\].
 #[derive(Clone, Debug, Default)]
 struct Turns {
     whole: f64,
     heading: f64,
     inclination: f64,
-    /// Of the angle between the attitudes, and of the turn about the vertical \[rad\].
+    /// The angle between the attitudes, and the rotation about the vertical \[rad\].
     angles: Quantiles,
     headings: Quantiles,
 }
@@ -55,16 +56,16 @@ struct Turns {
 pub(super) struct Found {
     /// Roll, pitch, yaw \[deg\].
     pub(super) axes: Option<Axes>,
-    /// The mounting that was taken out, roll pitch yaw \[deg\].
+    /// The mounting that was removed, roll pitch yaw \[deg\].
     pub(super) mounting_deg: Option<[f64; 3]>,
     /// The same as a rotation, from body to the reference's body.
     pub(super) mounting: UnitQuaternion<f64>,
-    /// Median and 95 % of the angle between the attitudes, and of the turn about the vertical \[deg\].
+    /// Median and 95 % of the angle between the attitudes, and of the rotation about the vertical \[deg\].
     pub(super) rotation_spread: Option<Spread>,
     pub(super) heading_spread: Option<Spread>,
     /// RMS of the angle between the attitudes \[deg\].
     pub(super) rotation: Option<f64>,
-    /// RMS of the turn about the vertical, and of what is left \[deg\].
+    /// RMS of the rotation about the vertical, and of the rest \[deg\].
     pub(super) heading: Option<f64>,
     pub(super) inclination: Option<f64>,
     /// Epochs whose roll and yaw are not judged.
@@ -108,7 +109,7 @@ impl Attitudes {
         }
     }
 
-    /// Epochs so far.
+    /// The number of epochs so far.
     pub(super) const fn count(&self) -> u64 {
         self.count
     }
@@ -135,7 +136,8 @@ impl Attitudes {
         }
     }
 
-    /// The filter says that it was not aligned before this time \[s\]: its attitudes until then tell of no mounting.
+    /// The filter reports that it was not aligned before this time \[s\]: earlier attitudes do not count for the
+    /// mounting.
     pub(super) const fn align(&mut self, time: Option<f64>) {
         self.aligned = time;
     }
@@ -149,7 +151,7 @@ impl Attitudes {
             };
         }
         let is_aligned = |k: &&Kept| self.aligned.is_none_or(|from| k.time.seconds() >= from);
-        // One that was aligned after the last epoch has no other mounting than that of all.
+        // A filter that was aligned after the last epoch uses the mounting of all epochs.
         let aligned = kept.iter().position(|k| is_aligned(&k)).unwrap_or_default();
         let mounting = mean_rotation(kept[aligned..].iter().map(|k| k.estimate.inverse() * k.truth));
         let mounting_deg: [f64; 3] = so3::to_rpy(&mounting).map(f64::to_degrees).into();
@@ -192,28 +194,28 @@ impl Found {
     }
 }
 
-/// What is judged where roll and yaw are not.
+/// The axes that are judged if roll and yaw are not.
 const PITCH_ALONE: [bool; 3] = [false, true, false];
 
-/// Whether roll and yaw turn about nearly one axis.
+/// Returns true if roll and yaw rotate about nearly the same axis.
 fn is_steep(q: &UnitQuaternion<f64>) -> bool {
     so3::to_rpy(q).y.abs() > STEEP
 }
 
-/// The rotation of roll, pitch, yaw \[deg\].
+/// The rotation given by roll, pitch, yaw \[deg\].
 fn rotation_of(rpy_deg: [f64; 3]) -> UnitQuaternion<f64> {
     let [roll, pitch, yaw] = rpy_deg.map(f64::to_radians);
     so3::from_rpy(roll, pitch, yaw)
 }
 
-/// The least turn about the vertical of the rotation `e` between two attitudes, resolved in
-/// navigation axes, and the turn about a level axis that is left \[rad\].
+/// Splits the rotation `e` between two attitudes, resolved in navigation axes: the smallest rotation about the
+/// vertical, and the remaining rotation about a level axis \[rad\].
 pub(super) fn swing_and_twist(e: &UnitQuaternion<f64>) -> [f64; 2] {
-    // atan2 for acos √(w² + z²), which is coarse near 0.
+    // atan2 instead of acos √(w² + z²), which is inaccurate near 0.
     [2.0 * e.k.abs().atan2(e.w.abs()), 2.0 * e.i.hypot(e.j).atan2(e.w.hypot(e.k))]
 }
 
-/// The rotation with the least mean squared angle to all of `rotations`.
+/// The rotation with the least mean squared angle to all `rotations`.
 fn mean_rotation(rotations: impl Iterator<Item = UnitQuaternion<f64>> + Clone) -> UnitQuaternion<f64> {
     let mut mean = rotations.clone().next().unwrap_or_default();
     // The intrinsic mean; each pass squares the remaining error.
@@ -227,7 +229,7 @@ fn mean_rotation(rotations: impl Iterator<Item = UnitQuaternion<f64>> + Clone) -
     mean
 }
 
-/// Of an error in radians.
+/// Converts an error from radians.
 fn in_degrees(d: &Deviation) -> Deviation {
     let degree = 1_f64.to_degrees();
     Deviation {
@@ -250,7 +252,7 @@ mod tests {
             let mut attitudes = Attitudes::new(removes_mounting);
             for k in from..=17 {
                 let truth = so3::from_rpy(0.3, f64::from(5 * k).to_radians(), 0.0);
-                // About an axis of navigation that turns, so that it is no mounting.
+                // The tilt is about a rotating navigation axis, so it is not a mounting.
                 let turned = so3::from_rpy(0.0, 0.0, f64::from(k));
                 let estimate = turned * tilt * turned.inverse() * truth;
                 let (error, own) = (attitude_error(&estimate, &truth), Matrix3::identity() * 1e-4);
@@ -275,12 +277,13 @@ mod tests {
         for removes_mounting in [false, true] {
             let found = of(removes_mounting, 0);
             let axes = found.axes.unwrap();
-            // Of 85° alone, and one of 80° that the error lifts beyond it; to 75° 0.01 rad make 0.01 tan 75° = 2.1°.
+            // The epochs at 85°, and one at 80° that the error lifts above it. At 75°, 0.01 rad become 0.01 tan 75° =
+            // 2.1°.
             assert!((1..=2).contains(&found.steep), "{}", found.steep);
             assert!(axes.max[0] < 3.6 && axes.max[2] < 3.6 && axes.max[1] < 0.6, "{axes:?}");
-            // 1σ of 0.01 rad about a body axis: the tilt is always within three of them.
+            // 1σ of 0.01 rad about a body axis: the tilt is always within 3σ.
             assert!((found.inclination.unwrap() - 0.573).abs() < 0.2, "{found:?}");
-            // Where every epoch is steep there is nothing of roll and yaw.
+            // If every epoch is steep, there is no result for roll and yaw.
             let steep = of(removes_mounting, 17).axes.unwrap();
             assert!(steep.rms[0].is_nan() && steep.rms[2].is_nan() && steep.rms[1] < 0.6, "{steep:?}");
         }
@@ -307,7 +310,7 @@ mod tests {
         };
         // 1e-12: rounding of the mean.
         assert!(of(Some(5.0)) < 1e-12);
-        // A quarter of one radian, whether it was never aligned or after the last epoch.
+        // A quarter of one radian, if it was never aligned or after the last epoch.
         assert!(of(None) > 0.2 && of(Some(100.0)) > 0.2);
     }
 

@@ -1,4 +1,4 @@
-//! Each block of the state against the truth that a simulation drew: biases, lever arms, latencies.
+//! Compares each block of the state with the truth of a simulation: biases, lever arms, latencies.
 
 use super::Consistency;
 use super::nees::{NeesSeries, nees};
@@ -7,12 +7,12 @@ use fusion_core::time::Time;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::Serialize;
 
-/// What became of a block, per axis of its tangent space and in its unit.
+/// The score of a block, for each axis of its tangent space and in its unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BlockScore {
     /// The block.
     pub name: String,
-    /// Whether it is a parameter or a sensor's error, not moved by the process.
+    /// True if it is a parameter or a sensor error, which the process does not move.
     pub is_parameter: bool,
     /// Unit of a tangent coordinate, SI.
     pub unit: &'static str,
@@ -20,15 +20,15 @@ pub struct BlockScore {
     pub rms: Vec<f64>,
     /// Mean of the filter's own 3σ.
     pub three_sigma: Vec<f64>,
-    /// Share of the errors inside their own 3σ; not a number for an axis that is not estimated.
+    /// Share of the errors inside their own 3σ; NaN for an axis that is not estimated.
     pub inside: Vec<f64>,
-    /// The last error: estimate less truth.
+    /// The last error: estimate minus truth.
     pub error: Vec<f64>,
     /// The filter's 1σ there.
     pub sigma: Vec<f64>,
     /// NEES of the block.
     pub nees: Option<Consistency>,
-    /// Epochs at which it was not defined.
+    /// Epochs at which the NEES was not defined.
     pub nees_undefined: usize,
 }
 
@@ -36,7 +36,7 @@ pub struct BlockScore {
 #[derive(Debug)]
 pub struct BlockScorer {
     followers: Box<[Follower]>,
-    /// Errors count from here on.
+    /// Errors count from this time.
     from: Option<Time>,
 }
 
@@ -46,7 +46,7 @@ struct Follower {
     count: f64,
     squares: DVector<f64>,
     sigmas: DVector<f64>,
-    /// Epochs at which the axis was estimated, and those of them with the error inside 3σ.
+    /// Epochs at which the axis was estimated, and the number of them with the error inside 3σ.
     estimated: DVector<f64>,
     inside: DVector<f64>,
     last: (DVector<f64>, DVector<f64>),
@@ -59,7 +59,7 @@ fusion_core::memory!(BlockScorer { followers; from });
 fusion_core::memory!(Follower { count, squares, sigmas, estimated, inside, last, nees, span; block });
 
 impl BlockScorer {
-    /// Of those blocks of `layout` whose truth `is_known`, from `from` on.
+    /// For the blocks of `layout` with `is_known`, from the time `from`.
     #[must_use]
     pub fn new(layout: &Layout, from: Option<Time>, is_known: impl Fn(&str) -> bool) -> Self {
         let known = layout.blocks().iter().filter(|b| is_known(&b.name));
@@ -69,14 +69,14 @@ impl BlockScorer {
         }
     }
 
-    /// Takes an estimate and what is `truth` at its time, in storage order.
+    /// Takes an estimate and the `truth` at its time, in storage order.
     pub fn add(&mut self, belief: &Belief, truth: &[f64]) {
         if self.from.is_none_or(|from| belief.time >= from) {
             self.followers.iter_mut().for_each(|f| f.add(belief, truth));
         }
     }
 
-    /// The scores, in order of the layout; none where no estimate was at a time with a known truth.
+    /// The scores, in order of the layout; empty if no estimate had a known truth.
     #[must_use]
     pub fn finish(self) -> Vec<BlockScore> {
         self.followers.into_iter().filter_map(Follower::finish).collect()
@@ -118,7 +118,7 @@ impl Follower {
         self.nees.add(found);
         self.count += 1.0;
         for (k, (e, s)) in error.iter().zip(sigma.iter_mut()).enumerate() {
-            // A variance so far.
+            // `s` is still a variance here.
             let is_estimated = f64::from(*s != 0.0);
             *s = s.max(0.0).sqrt();
             self.squares[k] += e * e;
@@ -131,7 +131,7 @@ impl Follower {
     fn finish(self) -> Option<BlockScore> {
         let Self { block, count, .. } = self;
         let span = self.span.map_or(0.0, |(first, latest)| latest.seconds_since(first));
-        // A slow error is hardly another one within its correlation time; see `Rules::slowest`.
+        // A slow error hardly changes within its correlation time; see `Rules::slowest`.
         let most = match block.dynamics {
             Dynamics::GaussMarkov { tau, .. } => 1.0 + span / tau,
             _ => f64::INFINITY,

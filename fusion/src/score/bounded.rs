@@ -1,4 +1,4 @@
-//! What is kept of series of any length, in memory that does not grow with them.
+//! Summaries of series of any length, in memory of fixed size.
 //!
 //! | | kept of a short series | of a longer one |
 //! |---|---|---|
@@ -9,12 +9,12 @@
 
 use fusion_core::memory::{Memory, Tape};
 
-/// Values of which every one is kept: 44 minutes at 100 Hz.
+/// Up to this number all values are kept: 44 minutes at 100 Hz.
 pub(super) const KEPT: usize = 1 << 18;
-/// Whole rows of which every one is kept.
+/// Up to this number all whole rows are kept.
 const ROWS: usize = 1 << 16;
 
-/// Every n-th of a series of rows; n doubles when they fill up.
+/// Every n-th row of a series; n doubles when the memory is full.
 #[derive(Clone, Debug)]
 pub(super) struct Thinned<T> {
     rows: Vec<T>,
@@ -55,30 +55,30 @@ impl<T> Thinned<T> {
                 });
                 self.stride *= 2;
             }
-            // As many are even: the next is the first of a stride of twice the length.
+            // The number of kept rows is even: the next row is the first with the doubled stride.
             self.rows.push(row);
         }
         self.seen += 1;
     }
 
-    /// Those that are kept.
+    /// The kept rows.
     pub(super) fn rows(&self) -> &[T] {
         &self.rows
     }
 }
 
-/// How values that are not negative are distributed.
+/// The distribution of non-negative values.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Quantiles {
-    /// All of them, as long as they are few.
+    /// All values, while there are few.
     values: Vec<f64>,
-    /// Else how many there are in each bin, in order.
+    /// Otherwise the number of values in each bin, in order.
     bins: Vec<(u32, u64)>,
 }
 
 fusion_core::memory!(Quantiles { values, bins });
 
-/// Bits of a number that are not told apart: the first twelve after the point are left.
+/// The bits of a number that are ignored: the first twelve bits of the mantissa remain.
 const BLURRED: u32 = 40;
 
 impl Quantiles {
@@ -107,13 +107,13 @@ impl Quantiles {
         self.values.len() + self.bins.iter().map(|(_, count)| *count as usize).sum::<usize>()
     }
 
-    /// What so large a share of all does not exceed.
+    /// The quantile: this share of all values does not exceed it.
     pub(crate) fn within(&mut self, share: f64) -> Option<f64> {
         let count = self.len() as f64;
         self.at(((share * count).ceil() as usize).saturating_sub(1))
     }
 
-    /// The value that so many are before, in their order: exact, or the middle of its bin.
+    /// The value of this rank in sorted order: exact, or the middle of its bin.
     pub(crate) fn at(&mut self, rank: usize) -> Option<f64> {
         self.values.sort_unstable_by(f64::total_cmp);
         let mut before = 0;
@@ -126,8 +126,8 @@ impl Quantiles {
     }
 }
 
-/// Bins of the same width relative to the value. Below 2^-40 all are 0, above 2^40 infinite: there are no more
-/// than 80 factors of two to be told apart.
+/// Bins have the same width relative to the value. Values below 2^-40 count as 0, values above 2^40 as infinite. So the
+/// bins cover at most 80 factors of two.
 fn bin(value: f64) -> u32 {
     const LIMIT: f64 = (1_u64 << 40) as f64;
     let shown = match value {
@@ -152,14 +152,14 @@ mod tests {
 
     #[test]
     fn few_values_have_their_quantiles_and_many_those_of_a_histogram() {
-        // A permutation: 7919 is prime, and divides no count.
+        // A permutation: 7919 is prime, and does not divide any of the counts.
         for count in [1, 10, KEPT, KEPT + 1, 3 * KEPT] {
             let mut quantiles = Quantiles::default();
             (0..count).for_each(|k| quantiles.add((k * 7919 % count) as f64 * 1e-3));
             assert_eq!(quantiles.len(), count);
             for rank in [0, count / 2, count * 95 / 100, count - 1] {
                 let (found, exact) = (quantiles.at(rank).unwrap(), rank as f64 * 1e-3);
-                // Half a bin, and nothing where all are kept.
+                // Half a bin, and zero if all values are kept.
                 let tolerance = if count > KEPT { exact / 8192.0 } else { 0.0 };
                 assert!((found - exact).abs() <= tolerance, "{found} for {exact} of {count}");
             }

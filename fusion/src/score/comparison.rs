@@ -1,4 +1,4 @@
-//! The estimate against the reference: where an error is computed.
+//! Compares the estimate with the reference. All errors are computed here.
 
 use super::ReferenceEpoch;
 use crate::solution::{Solution, sigmas};
@@ -10,13 +10,13 @@ use fusion_core::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::collections::VecDeque;
 
-/// The error of the estimate at an epoch of the reference, of all that both have there.
+/// The error of the estimate at an epoch of the reference, for all quantities that both have.
 #[derive(Clone, Copy, Debug)]
 pub struct EpochError {
     /// The epoch of the reference.
     pub truth: ReferenceEpoch,
-    /// The estimated position of the reference's point and that of the reference, in which the estimate stands for
-    /// what is not known.
+    /// The estimated and the reference position of the reference's point. The estimate replaces unknown parts of the
+    /// reference.
     pub places: Option<[Geodetic; 2]>,
     /// Position error at the reference's point, north east down \[m\].
     pub position: Option<Deviation>,
@@ -24,20 +24,20 @@ pub struct EpochError {
     pub velocity: Option<Deviation>,
     /// Attitude and its error.
     pub attitude: Option<AttitudeError>,
-    /// Estimated attitude q_nb and velocity of the body, whatever the reference knows of them.
+    /// Estimated attitude q_nb and velocity of the body; they do not need values of the reference.
     pub motion: Option<(UnitQuaternion<f64>, Vector3<f64>)>,
 }
 
-/// An error of three axes, and what the filter and the reference say of it.
+/// An error of three axes, with its covariances by the filter and by the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct Deviation {
-    /// Estimate less reference; 0 along an axis that the reference does not know.
+    /// Estimate minus reference; 0 along an axis that the reference does not know.
     pub error: Vector3<f64>,
     /// Covariance by the filter.
     pub own: Matrix3<f64>,
     /// Covariance of the reference's own error.
     pub reference: Matrix3<f64>,
-    /// Whether the reference knows each axis.
+    /// For each axis, true if the reference knows it.
     pub known: [bool; 3],
 }
 
@@ -61,19 +61,20 @@ impl Default for Deviation {
 }
 
 impl Deviation {
-    /// 1σ that the error is expected to have, filter and reference together.
+    /// The expected 1σ of the error, from filter and reference together.
     #[must_use]
     pub fn sigma(&self) -> Vector3<f64> {
         sigmas(&(self.own + self.reference))
     }
 
-    /// Whether the filter estimates each axis that the reference knows; one whose variance is exactly 0 is no state.
+    /// For each axis that the reference knows, true if the filter estimates it. A variance of exactly 0 means that it
+    /// is not a state.
     #[must_use]
     pub fn is_estimated(&self) -> [bool; 3] {
         core::array::from_fn(|k| self.known[k] && self.own[(k, k)] != 0.0)
     }
 
-    /// The length of the horizontal error, and its 1σ along itself.
+    /// The length of the horizontal error, and the 1σ along its direction.
     #[must_use]
     pub fn horizontal(&self) -> (f64, f64) {
         let e = self.error.xy();
@@ -88,25 +89,25 @@ impl Deviation {
         (length, variance.sqrt())
     }
 
-    /// Whether the reference knows every axis.
+    /// Returns true if the reference knows every axis.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.known == [true; 3]
     }
 
-    /// Whether it knows north and east.
+    /// Returns true if it knows north and east.
     #[must_use]
     pub fn is_horizontal(&self) -> bool {
         self.known[0] && self.known[1]
     }
 }
 
-/// An attitude against that of the reference.
+/// The estimated attitude compared with the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct AttitudeError {
     /// Estimated q_nb.
     pub estimate: UnitQuaternion<f64>,
-    /// That of the reference's body.
+    /// The attitude of the reference's body.
     pub truth: UnitQuaternion<f64>,
     /// The rotation from reference to estimate, about the axes of the body \[rad\].
     pub body: Deviation,
@@ -115,7 +116,7 @@ pub struct AttitudeError {
 }
 
 impl EpochError {
-    /// `rate` is the angular rate of the body \[rad/s\], in its axes, where it is known.
+    /// `rate` is the angular rate of the body in body axes \[rad/s\], if known.
     fn new(truth: &ReferenceEpoch, at: &Solution, lever_arm: &Vector3<f64>, rate: Option<Vector3<f64>>) -> Self {
         let there = AtLever::new(at, lever_arm, rate);
         let position = there.position.and_then(|(place, own)| {
@@ -187,16 +188,15 @@ fn squares(sigma: &Vector3<f64>) -> Matrix3<f64> {
 ///
 /// Position  r + C l, δ: I, −C [l×] on the attitude error in body axes
 /// Velocity  v + C (ω × l), δ: I, −C [(ω × l)×]
-/// Not here  the error of ω; the covariance of a position, velocity or attitude that is no state
-///           with another
+/// Not here  the error of ω; the cross-covariance of a position, velocity or attitude that is not a state
 struct AtLever {
     position: Option<(Geodetic, Matrix3<f64>)>,
     velocity: Option<(Vector3<f64>, Matrix3<f64>)>,
 }
 
 impl AtLever {
-    /// Without an attitude the body origin stands for the point; where the body may turn, but its
-    /// rate is not known, there is no velocity.
+    /// Without an attitude, the body origin replaces the point. The velocity is missing if the body may rotate but
+    /// its rate is unknown.
     fn new(at: &Solution, lever_arm: &Vector3<f64>, rate: Option<Vector3<f64>>) -> Self {
         let Some((q, p_attitude)) = at.attitude.filter(|_| *lever_arm != Vector3::zeros()) else {
             return Self {
@@ -229,19 +229,19 @@ pub fn attitude_error(q: &UnitQuaternion<f64>, truth: &UnitQuaternion<f64>) -> V
     (so3::to_rpy(q) - so3::to_rpy(truth)).map(wrap)
 }
 
-/// Compares estimates with a reference, as both go on.
+/// Compares estimates with a reference, while both arrive.
 #[derive(Clone, Debug)]
 pub struct Comparison {
     /// The point of each source of the reference in body axes \[m\].
     points: Vec<Vector3<f64>>,
     /// Epochs that no estimate has reached, in order of time.
     ahead: VecDeque<ReferenceEpoch>,
-    /// How many of them were there from the beginning: they are the first.
+    /// The number of epochs that were given at the start: they are the first.
     given: usize,
     previous: Option<Solution>,
 }
 
-/// Epochs that were there from the beginning are not remembered, but how many of them are left.
+/// Epochs that were given at the start are not saved, only the number of them that are left.
 impl Memory for Comparison {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         let mut left = self.given;
@@ -260,14 +260,14 @@ impl Memory for Comparison {
 }
 
 impl Comparison {
-    /// With `epochs` in order of time; the reference's point is `lever_arm` off the body origin,
-    /// in body axes \[m\].
+    /// Compares with `epochs`, in order of time. The reference's point is at `lever_arm` from the body origin, in body
+    /// axes \[m\].
     #[must_use]
     pub fn new(lever_arm: Vector3<f64>, epochs: impl IntoIterator<Item = ReferenceEpoch>) -> Self {
         Self::of_points(vec![lever_arm], epochs)
     }
 
-    /// The same of a reference of several sources, each with its own point.
+    /// As `new`, for a reference with several sources, each with its own point.
     #[must_use]
     pub fn of_points(points: Vec<Vector3<f64>>, epochs: impl IntoIterator<Item = ReferenceEpoch>) -> Self {
         let ahead: VecDeque<ReferenceEpoch> = epochs.into_iter().collect();
@@ -279,38 +279,38 @@ impl Comparison {
         }
     }
 
-    /// The same without an epoch.
+    /// The same comparison without an epoch.
     #[must_use]
     pub fn emptied(&self) -> Self {
         Self::of_points(self.points.clone(), [])
     }
 
-    /// Whether a source of the reference has a point that moves as the body turns.
+    /// Returns true if the point of a source of the reference moves when the body rotates.
     #[must_use]
     pub fn wants_rate(&self) -> bool {
         self.points.iter().any(|point| *point != Vector3::zeros())
     }
 
-    /// Adds an epoch, later than those before it: a reference that comes along with the data.
+    /// Adds an epoch, later than all before: for a reference that arrives with the data.
     pub fn push(&mut self, epoch: ReferenceEpoch) {
         self.ahead.push_back(epoch);
     }
 
-    /// The filter begins anew: what it believed before says nothing of the epochs until then.
+    /// The filter restarts: its earlier estimate is not valid for the epochs up to the restart.
     pub fn begin(&mut self) {
         self.previous = None;
     }
 
-    /// Takes the next estimate and tells the reference epochs up to it, each with the error there;
-    /// those before the first estimate, since it last began, have none.
+    /// Takes the next estimate and reports the reference epochs up to it, each with its error. Epochs before the first
+    /// estimate since the last start have no error.
     ///
-    /// An epoch between two estimates sees the earlier one carried on by its velocity, so that no
-    /// measurement after the epoch can flatter it; attitude and velocity, which a measurement
-    /// moves little, are interpolated. `rate` is the mean angular rate w_nb_b \[rad/s\] since the
-    /// estimate before, by which the velocity of a point off the body origin differs.
+    /// For an epoch between two estimates, the earlier position is propagated by its velocity. So no measurement after
+    /// the epoch can improve the error. Attitude and velocity, which a measurement changes little, are interpolated.
+    /// `rate` is the mean angular rate w_nb_b \[rad/s\] since the previous estimate. It gives the velocity of a point
+    /// that is not at the body origin.
     ///
     /// # Errors
-    /// The first that `tell` returns.
+    /// The first error that `tell` returns.
     pub fn reach<E>(
         &mut self,
         now: &Solution,
@@ -322,7 +322,7 @@ impl Comparison {
         reached
     }
 
-    /// The same from the previous estimate, which stays.
+    /// The same from the previous estimate, which does not change.
     fn reach_from<E>(
         &mut self,
         now: &Solution,
@@ -361,14 +361,14 @@ mod tests {
         }
     }
 
-    /// A body that stands on a turntable of 0.5 rad/s, heading `heading` at `t` seconds.
+    /// A body on a turntable at 0.5 rad/s, with heading `heading` at `t` seconds.
     fn turning(t: f64, heading: f64) -> Solution {
         let q = so3::from_rpy(0.0, 0.0, heading);
         let a = q.to_rotation_matrix().into_inner() * so3::skew(&ARM);
         let p_attitude = Matrix3::identity() * 1e-2;
         Solution {
             time: Time::from_seconds(t),
-            // Known by a fix of the point at the lever arm: r = a φ, so that the point has no error.
+            // A fix of the point at the lever arm gives the position: r = a φ. So the point has no error.
             position: Some((origin(), a * p_attitude * a.transpose())),
             velocity: Some((Vector3::zeros(), Matrix3::identity())),
             attitude: Some((q, p_attitude)),

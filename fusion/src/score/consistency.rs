@@ -1,6 +1,6 @@
-//! Consistency: whether the errors of a filter are what its covariance says.
+//! Consistency: compares the errors of a filter with its covariance.
 //!
-//! This is the one place with the statistics, their thresholds and the words for them.
+//! This module has all statistics, their thresholds and their words.
 //!
 //! | statistic | consistent where | otherwise |
 //! |---|---|---|
@@ -17,13 +17,13 @@ use serde::Serialize;
 
 /// The probability of the band of a mean statistic.
 const BAND: f64 = 0.95;
-/// The least share of errors inside 3σ that is no sign of overconfidence.
+/// The least share of errors inside 3σ that does not show overconfidence.
 ///
 /// A consistent Gaussian filter has 0.997. At 0.98 the standard deviation of a Gaussian error is
 /// 3/2.33 = 1.29 times the filter's own 1σ.
 pub const SHARE_INSIDE: f64 = 0.98;
 
-/// How the errors of a filter compare with its covariance.
+/// The result of comparing the errors of a filter with its covariance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
@@ -36,7 +36,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Of a share of errors inside their own 3σ; `None` where the share is not a number.
+    /// The verdict for a share of errors inside their own 3σ; `None` if the share is NaN.
     #[must_use]
     pub fn of_share(inside: f64) -> Option<Self> {
         match inside {
@@ -46,7 +46,7 @@ impl Verdict {
         }
     }
 
-    /// The word that is shown.
+    /// The displayed word.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -62,31 +62,29 @@ impl Verdict {
 pub struct Consistency {
     /// Mean over all samples.
     pub mean: f64,
-    /// Degrees of freedom, which the mean should be near.
+    /// Degrees of freedom: the expected mean.
     pub dof: usize,
     /// Samples.
     pub count: usize,
-    /// Samples that count as independent, from the autocorrelation.
+    /// The number of independent samples, from the autocorrelation.
     pub independent: f64,
     /// The 95 % band of the mean.
     pub band: (f64, f64),
 }
 
 impl Consistency {
-    /// From a series of statistics of `dof` degrees of freedom each; `None` for fewer than two. The band is
-    /// made for as many values as are [independent](Series::independent).
+    /// From a series of statistics with `dof` degrees of freedom each; `None` for fewer than two. The band is for the
+    /// number of [independent](Series::independent) values.
     #[must_use]
     pub fn of(series: &Series, dof: usize) -> Option<Self> {
         (series.len() >= 2).then(|| Self::with_independent(series.mean(), dof, series.len(), series.independent()))
     }
 
-    /// Of several independent runs together: the mean of their means, with a band for all of
-    /// their independent samples. `None` without a run.
+    /// The mean over several independent runs, with a band for all their independent samples. `None` without a run.
     ///
-    /// An error that is constant within a run, and drawn anew for the next, does not show in the
-    /// autocorrelation: the runs then scatter more than their own samples let expect. A mean of n independent
-    /// χ² of d degrees of freedom has the variance 2 mean²/(d n); n per run is never taken to be more than
-    /// the scatter of the runs says, nor less than 1.
+    /// An error that is constant within a run, and new in each run, does not show in the autocorrelation. The runs then
+    /// scatter more than their own samples predict. A mean of n independent χ² of d degrees of freedom has the variance
+    /// 2 mean²/(d n). The scatter of the runs therefore limits n per run; the least n per run is 1.
     #[must_use]
     pub fn of_runs(runs: impl IntoIterator<Item = Self>) -> Option<Self> {
         let runs: Vec<Self> = runs.into_iter().collect();
@@ -97,13 +95,13 @@ impl Consistency {
         let within: f64 = runs.iter().map(|c| c.independent).sum();
         let scatter = runs.iter().map(|c| (c.mean - mean).powi(2)).sum::<f64>() / (number - 1.0);
         let between = number * 2.0 * mean * mean / (dof as f64 * scatter);
-        // One run, or runs that do not scatter, say nothing.
+        // One run, or runs without scatter, give no limit.
         let between = if between.is_finite() { between.max(number) } else { within };
         Some(Self::with_independent(mean, dof, count, within.min(between)))
     }
 
-    /// Of several runs that repeat each other: the mean of their means, with the band of the one run
-    /// that has the most independent samples. `None` without a run.
+    /// The mean over several runs that repeat each other. The band is that of the run with the most independent
+    /// samples. `None` without a run.
     #[must_use]
     pub fn of_repeats(runs: impl IntoIterator<Item = Self>) -> Option<Self> {
         let runs: Vec<Self> = runs.into_iter().collect();
@@ -112,14 +110,14 @@ impl Consistency {
         Some(Self::with_independent(all.mean, all.dof, all.count, most))
     }
 
-    /// The same, of no more than so many independent samples.
+    /// The same, with at most this number of independent samples.
     #[must_use]
     pub fn at_most(self, independent: f64) -> Self {
         Self::with_independent(self.mean, self.dof, self.count, self.independent.min(independent.max(1.0)))
     }
 
-    /// The same as one of so many that are judged together: with a band that is wider, so that they all lie in theirs with a
-    /// probability of 95 % at least, whatever they have in common (Bonferroni).
+    /// The same as one of `judged` means that are judged together. The band is wider, so that all of them are within
+    /// their bands with a probability of at least 95 %. This holds for any correlation between them (Bonferroni).
     #[must_use]
     pub fn among(self, judged: usize) -> Self {
         let probability = 1.0 - (1.0 - BAND) / judged.max(1) as f64;
@@ -139,7 +137,7 @@ impl Consistency {
         }
     }
 
-    /// What the mean says; `None` where it is not a number, or has nothing to be compared with.
+    /// The verdict; `None` if the mean is NaN, or without a band for comparison.
     #[must_use]
     pub fn verdict(&self) -> Option<Verdict> {
         let (low, high) = self.band;
@@ -153,19 +151,19 @@ impl Consistency {
         })
     }
 
-    /// Whether the mean lies in its band.
+    /// Returns true if the mean is within its band.
     #[must_use]
     pub fn is_consistent(&self) -> bool {
         self.verdict() == Some(Verdict::Consistent)
     }
 
-    /// The mean over what it should be near: 1 where consistent, for any degrees of freedom.
+    /// The mean divided by its expected value: 1 if consistent, for any degrees of freedom.
     #[must_use]
     pub fn over_expected(&self) -> f64 {
         self.mean / self.dof as f64
     }
 
-    /// How large the errors are in units of the filter's own 1σ: √(mean / dof), 1 where consistent.
+    /// The size of the errors in units of the filter's own 1σ: √(mean / dof), 1 if consistent.
     #[must_use]
     pub fn error_ratio(&self) -> f64 {
         self.over_expected().sqrt()
@@ -225,7 +223,7 @@ mod tests {
 
     #[test]
     fn runs_together_have_the_band_of_all_their_independent_samples() {
-        // 0.08 apart: as much as two means of 100 χ² of three degrees scatter, √(2·9/300) = 0.24, and less.
+        // 0.08 apart: less than the scatter of two means of 100 χ² of three degrees, √(2·9/300) = 0.24.
         let runs = [with_mean(2.96), with_mean(3.04)];
         let all = Consistency::of_runs(runs).unwrap();
         assert_eq!((all.mean, all.count, all.independent), (3.0, 200, 200.0));
@@ -238,10 +236,10 @@ mod tests {
 
     #[test]
     fn runs_that_scatter_by_an_error_of_their_own_are_that_many_samples() {
-        // χ² of three degrees, one for each run: 60 of them at equal distances of their distribution.
+        // χ² of three degrees, one for each run: 60 of them at equal steps of their distribution.
         let quantile = |k: u32| fusion_core::consistency::chi_square_quantile((f64::from(k) + 0.5) / 60.0, 3.0);
         let all = Consistency::of_runs((0..60).map(|k| with_mean(quantile(k)))).unwrap();
-        // As many samples as runs, and not 6000; a tenth for the tail that 60 of them do not have.
+        // As many samples as runs, and not 6000; a tenth more for the missing tail of 60 values.
         assert!((60.0..66.0).contains(&all.independent) && all.is_consistent(), "{all:?}");
     }
 
@@ -257,7 +255,7 @@ mod tests {
     fn one_of_many_has_the_band_in_which_all_of_them_lie() {
         let c = with_mean(3.2).at_most(100.0);
         assert_eq!(c.among(1).band, mean_band(0.95, 3, 100));
-        // By χ² of 300 degrees at 1/8 of 5 %: 3 ± 0.67, where 2.5 % are 3 ± 0.48.
+        // χ² of 300 degrees at 1/8 of 5 %: 3 ± 0.67; 2.5 % would give 3 ± 0.48.
         let among = c.among(8);
         assert_eq!((among.mean, among.band), (3.2, mean_band(1.0 - 0.05 / 8.0, 3, 100)));
         assert!(among.band.0 < c.among(1).band.0 && c.among(1).band.1 < among.band.1);

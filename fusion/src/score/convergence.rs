@@ -1,8 +1,8 @@
-//! Whether a run has converged: from when on its errors stay within declared limits.
+//! Convergence of a run: the time from which its errors stay within declared limits.
 //!
-//! Position and velocity count by the length of the error, its horizontal part where the reference has no height, the heading by the turn about the vertical
-//! between the two attitudes; nothing is taken out of it. Every epoch from the start of the filter on
-//! counts, those before `reference.from` too.
+//! Position and velocity count by the length of the error; if the reference has no height, by its horizontal part. The
+//! heading counts by the rotation about the vertical between the two attitudes. Nothing is removed from it. Every epoch
+//! from the start of the filter counts, also epochs before `reference.from`.
 
 use super::attitudes::swing_and_twist;
 use super::comparison::{AttitudeError, Deviation, EpochError};
@@ -16,18 +16,18 @@ pub struct Limits {
     pub position: Option<f64>,
     /// Length of the velocity error \[m/s\].
     pub velocity: Option<f64>,
-    /// Turn about the vertical \[rad\].
+    /// Rotation about the vertical \[rad\].
     pub heading: Option<f64>,
-    /// From when on the errors have to stay within them; without it at the last epoch.
+    /// The time from which the errors have to stay within the limits; by default the last epoch.
     pub by: Option<Time>,
 }
 
-/// What became of the limits in a run.
+/// The result for the limits in a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Convergence {
-    /// Whether the errors stay within the limits from the declared time on.
+    /// True if the errors stay within the limits from the declared time.
     pub converged: bool,
-    /// From how long after the start on they stay within the limits \[s\]; none if they are outside at the end.
+    /// The time after the start from which they stay within the limits \[s\]; `None` if they are outside at the end.
     pub after: Option<f64>,
 }
 
@@ -35,7 +35,7 @@ pub struct Convergence {
 #[derive(Clone, Copy, Debug, Default)]
 struct Limited {
     limit: Option<f64>,
-    /// Whether it was ever known, and within its limit when it was last.
+    /// True if it was ever known, and if its latest value was within the limit.
     is_known: bool,
     is_within: bool,
 }
@@ -48,7 +48,7 @@ pub(super) struct Tracker {
     by: Option<Time>,
     /// The first and the last epoch.
     span: Option<(Time, Time)>,
-    /// The first of the latest epochs at which all are within their limits without a break.
+    /// The first epoch of the current unbroken sequence in which all errors are within their limits.
     since: Option<Time>,
 }
 
@@ -69,7 +69,7 @@ impl Tracker {
         }
     }
 
-    /// Takes the error at the next epoch, of what is known there.
+    /// Takes the errors at the next epoch, as far as they are known.
     pub(super) fn add(&mut self, error: &EpochError) {
         let turn = |a: &AttitudeError| swing_and_twist(&(a.estimate * a.truth.inverse()))[0];
         let errors = [
@@ -82,14 +82,14 @@ impl Tracker {
             let Some((limit, error)) = limited.limit.zip(error) else { continue };
             limited.is_known = true;
             self.span = Some((self.span.map_or(now, |(start, _)| start), now));
-            // What is not a number is outside.
+            // NaN counts as outside.
             limited.is_within = error <= limit;
         }
         let is_within = self.limited.iter().all(|l| l.limit.is_none() || l.is_within);
         self.since = is_within.then(|| self.since.unwrap_or(now));
     }
 
-    /// None where a limited error was never known.
+    /// `None` if a limited error was never known.
     pub(super) fn finish(&self) -> Option<Convergence> {
         let (start, end) = self.span?;
         if self.limited.iter().any(|l| l.limit.is_some() && !l.is_known) {
@@ -165,7 +165,7 @@ mod tests {
         };
         assert_eq!(of(&errors, by(103.0)), found(true, Some(3.0)));
         assert_eq!(of(&errors, by(102.0)), found(false, Some(3.0)));
-        // Within the limits from a start on that is later than the time declared.
+        // Within the limits from a start that is later than the declared time.
         assert_eq!(of(&errors[3..], by(10.0)), found(true, Some(0.0)));
         assert_eq!(of(&errors[..3], LIMITS), found(false, None));
         assert_eq!(of(&[(f64::NAN, 0.0)], LIMITS), found(false, None));

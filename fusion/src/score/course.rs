@@ -1,14 +1,17 @@
-//! Which of two headings goes with the course, that of the estimate or that of the reference.
+//! Compares two headings with the course, the estimated one and that of the reference.
 //!
 //! a = course − yaw of the reference, b = course − yaw of the estimate, d = a − b
 //!
-//! with the course of the reference's own velocity. a is a slip less the error of the reference, d the error of the estimate
-//! less that: the slope of a over d is the share of the reference in the squares of d, whatever turns the course from the
-//! heading, a mounting, a slip, noise of the velocity. Weighted by the square of the speed, for so exact is a course; a vehicle
-//! at rest tells nothing. Parts of the run, each about its own mean, tell the 1σ of the share.
+//! with the course from the reference's own velocity. a is a slip minus the heading error of the reference. d is the
+//! heading error of the estimate minus that of the reference. So the slope of a over d is the share of the reference in
+//! the squares of d. This holds for any difference between course and heading: a mounting, a slip, noise of the
+//! velocity.
 //!
-//! Not here  a constant error of either, which a mounting hides; an estimate that follows the course of a vehicle
-//!           that slides: the slip then seems to be an error of the reference
+//! The weight is the square of the speed, because it determines the accuracy of a course. A vehicle at rest gives no
+//! information. Parts of the run, each about its own mean, give the 1σ of the share.
+//!
+//! Not here  a constant error of either, which a mounting hides; an estimate that follows the course of a sliding
+//!           vehicle: the slip then looks like an error of the reference
 
 use super::comparison::EpochError;
 use fusion_core::geometry::so3;
@@ -21,18 +24,18 @@ use serde::Serialize;
 pub struct Course {
     /// Standard deviation of the reference's heading about the course \[deg\].
     pub reference_deg: f64,
-    /// That of the estimated heading \[deg\].
+    /// Standard deviation of the estimated heading about the course \[deg\].
     pub estimate_deg: f64,
-    /// 1σ of what varies of the reference's own heading error \[deg\].
+    /// 1σ of the varying part of the reference's own heading error \[deg\].
     pub own_deg: f64,
-    /// The share of the squares of the heading errors that is of the reference.
+    /// The share of the reference in the squares of the heading errors.
     pub share: f64,
-    /// Its 1σ, by how the parts of the run differ.
+    /// Its 1σ, from the differences between the parts of the run.
     pub share_sigma: f64,
 }
 
-/// Parts of a run, at most, and those of which fewer tell no 1σ; the length of one of a short run \[s\], which doubles when there
-/// are too many.
+/// The largest number of parts of a run; the least number of parts that give a 1σ; the shortest part \[s\]. The part
+/// length doubles when there are too many parts.
 const PARTS: usize = 16;
 const LEAST: usize = 4;
 const SHORTEST: f64 = 4.0;
@@ -41,11 +44,11 @@ const SHORTEST: f64 = 4.0;
 #[derive(Clone, Debug, Default)]
 pub(super) struct CourseFit {
     parts: Vec<Sums>,
-    /// By how much parts are longer than the shortest.
+    /// The number of doublings of the part length.
     doubled: u32,
 }
 
-/// Of a part: when it began, the weight, and weighted sums of cosine and sine of a, b and d.
+/// The sums of a part: its start, the weight, and weighted sums of cosine and sine of a, b and d.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     begun: Time,
@@ -69,7 +72,7 @@ impl Sums {
         all
     }
 
-    /// Of a, b, and d: of a normal angle the mean of exp(iφ) has the length exp(−σ²/2).
+    /// The variances of a, b and d. For a normal angle the mean of exp(iφ) has the length exp(−σ²/2).
     fn variances(&self) -> [f64; 3] {
         self.angles.map(|[c, s]| -2.0 * (c.hypot(s) / self.weight).min(1.0).ln())
     }
@@ -112,11 +115,11 @@ impl CourseFit {
         }
     }
 
-    /// What they say; none without a way, or of too few parts.
+    /// The result; `None` without motion, or for too few parts.
     pub(super) fn finish(&self) -> Option<Course> {
         let all = Sums::of_all(&self.parts);
         let [a, b, d] = all.variances();
-        // Squares of d of each part, and how much of them is of the reference.
+        // The squares of d in each part, and the share of the reference in them.
         let moved = self.parts.iter().filter(|part| part.weight > 0.0);
         let parts: Vec<(f64, f64)> = moved
             .map(|p| (p.weight * p.variances()[2], p.weight * own(p.variances())))
@@ -149,12 +152,12 @@ mod tests {
         2.0 * (f64::from(k) * 0.754_877_666 + 0.3).fract() - 1.0
     }
 
-    /// Of a way with slips, where the headings err by these.
+    /// A drive with slips and heading errors of these sizes.
     fn of(slip: f64, reference: f64, estimate: f64) -> Course {
         let mut fit = CourseFit::default();
         let epoch = |k: u32| ReferenceEpoch {
             time: Time::from_seconds(f64::from(k)),
-            // Half of the time at rest, where a course is none.
+            // Half of the time at rest, where the course is undefined.
             velocity: Some(
                 if k.is_multiple_of(2) { 10.0 } else { 0.0 } * Vector3::new((slip * noise(k * k)).cos(), (slip * noise(k * k)).sin(), 0.0),
             ),
@@ -180,7 +183,7 @@ mod tests {
 
     #[test]
     fn the_heading_with_the_smaller_error_goes_with_the_course_whatever_the_vehicle_slips() {
-        // 1σ of noise in (−1, 1) is 1/√3; 5 % for the samples there are, and their chance correlation.
+        // 1σ of noise in (−1, 1) is 1/√3; 5 % for the number of samples and their chance correlation.
         let sigma = |scale: f64| scale.to_degrees() / 3.0_f64.sqrt();
         let is_near = |a: f64, b: f64| (a / b - 1.0).abs() < 0.05;
         let found = of(0.01, 0.02, 0.0);

@@ -1,12 +1,15 @@
-//! Drift in declared outages, window by window as the run goes.
+//! Drift in declared outages, scored for each window during the run.
 //!
-//! The window of an outage begins with it. It ends where its influence ends: at the end of the
-//! outage, or, if that is later, where the first measurement is valid that was stamped after the
-//! outage, read from the silent source, and used. Until then the estimate goes on without the source.
-//! A measurement that was stamped after the outage but is valid inside it, because of its latency,
-//! belongs to the window, but the error at the end is that before it. At the latest a window ends
-//! where the next one of its outage begins. Where no sensor reads the source it ends with the outage.
-//! A window that the run ends in is scored to there, and marked; a source that is silent all the time has none.
+//! The window of an outage begins with the outage. It ends where the influence of the outage ends. This is the end of
+//! the outage or, if later, the time of validity of the first new measurement. A new measurement was read from the
+//! silent source, stamped after the outage, and used. Until then the estimate continues without the source.
+//!
+//! A late measurement may be stamped after the outage but valid inside it. It belongs to the window, but the error at
+//! the end is the error before it. A window ends at the latest where the next window of its outage begins. If no sensor
+//! reads the source, it ends with the outage.
+//!
+//! If the run ends inside a window, the window is scored to there and marked. A source that is always silent has no
+//! window.
 
 use super::comparison::Deviation;
 use fusion_core::memory::{Memory, Tape};
@@ -20,43 +23,44 @@ use std::collections::VecDeque;
 pub struct Drift {
     /// Start of the outage \[s\].
     pub from: f64,
-    /// Its end, or that of the run \[s\].
+    /// The end of the outage, or of the run \[s\].
     pub to: f64,
-    /// Until when it was scored: where its influence ended \[s\].
+    /// The end of the scored window: where the influence of the outage ended \[s\].
     pub until: f64,
     /// Largest horizontal error in it \[m\].
     pub max_horizontal: f64,
-    /// Largest horizontal error less the one it began with, as vectors \[m\].
+    /// Largest difference between the horizontal error and its value at the start, as vectors \[m\].
     pub growth: f64,
     /// Horizontal error at the last epoch before a measurement after it was used \[m\].
     pub end_horizontal: f64,
-    /// 1σ that this error is expected to have along itself, by the filter and the reference \[m\].
+    /// The expected 1σ of this error along its direction, from filter and reference \[m\].
     pub end_sigma: f64,
-    /// Whether the run ended before the outage did.
+    /// True if the run ended before the outage.
     pub is_cut: bool,
-    /// What moved the estimate most while the source was silent.
+    /// The measurement that moved the estimate most while the source was silent.
     pub moved: Option<Moved>,
 }
 
 /// A measurement that moved the estimate.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Moved {
-    /// Of this sensor.
+    /// The sensor.
     pub sensor: String,
-    /// When it was valid \[s\].
+    /// The time at which it was valid \[s\].
     pub time: f64,
-    /// How far it moved what it measures, in 1σ of the estimate before it.
+    /// The change of the measured quantity, in 1σ of the estimate before it.
     pub sigmas: f64,
 }
 
 impl Drift {
-    /// The error at the end over its 1σ. Of a consistent filter its square is χ² of two degrees of freedom at most.
+    /// The error at the end divided by its 1σ. For a consistent filter its square is χ² of at most two degrees of
+    /// freedom.
     #[must_use]
     pub fn end_ratio(&self) -> f64 {
         self.end_horizontal / self.end_sigma
     }
 
-    /// The one with the largest error at its end.
+    /// The outage with the largest error at its end.
     #[must_use]
     pub fn worst(all: &[Self]) -> Option<&Self> {
         all.iter().max_by(|a, b| a.end_horizontal.total_cmp(&b.end_horizontal))
@@ -66,13 +70,13 @@ impl Drift {
 /// A declared outage.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outage {
-    /// When its source is silent.
+    /// The times at which its source is silent.
     pub windows: Windows,
     /// The sensors of the scored filter that read the source, by number.
     pub sensors: Vec<usize>,
 }
 
-/// Measurements that were used since the last epoch at which anything was asked of them.
+/// Measurements used since the last epoch that needed them.
 #[derive(Clone, Debug, Default)]
 struct Used(VecDeque<(usize, Time, Time)>);
 
@@ -87,7 +91,7 @@ struct Tracked {
 #[derive(Clone, Debug, Default)]
 struct Running {
     window: Window,
-    /// The time and the horizontal error that it began with.
+    /// The time and the horizontal error at its start.
     first: (Time, [f64; 2]),
     /// The last epoch that belongs to it.
     last: Time,
@@ -137,7 +141,7 @@ pub(super) struct Drifts {
 }
 
 impl Drifts {
-    /// Of these outages; those of several sources at the same times are one.
+    /// Follows these outages. Outages of several sources at the same times count as one.
     pub(super) fn new(outages: &[Outage]) -> Self {
         let mut tracked: Vec<Tracked> = Vec::new();
         for outage in outages {
@@ -166,8 +170,8 @@ impl Drifts {
         }
     }
 
-    /// A measurement of `sensor`, which has this name, valid at `time`, moved what it measures by so many of its 1σ. Those of
-    /// the silent source are not in the outage, whenever they are valid.
+    /// Takes a measurement of `sensor`, called `name` and valid at `time`. It moved the measured quantity by `sigmas`
+    /// of its 1σ. Measurements of the silent source are never part of its outage.
     pub(super) fn moved(&mut self, sensor: usize, name: &str, time: Time, sigmas: f64) {
         let others = self.tracked.iter_mut().filter(|t| !t.sensors.contains(&sensor));
         for running in others.filter_map(|t| t.running.as_mut()) {
@@ -187,15 +191,15 @@ impl Drifts {
         for tracked in &mut self.tracked {
             self.found.extend(tracked.add(time, error, &self.used));
         }
-        // Only what was stamped after an outage can end it; of an outage to come, only what is valid
-        // after this epoch can be.
+        // Only measurements stamped after an outage can end it. For a future outage, only measurements valid after this
+        // epoch can.
         let ends: Option<Time> = self.tracked.iter().filter_map(|t| Some(t.running.as_ref()?.window.to)).min();
         self.used
             .0
             .retain(|(_, stamp, valid)| *valid >= time || ends.is_some_and(|to| *stamp >= to));
     }
 
-    /// All windows, in order of their beginnings.
+    /// All windows, in order of their start.
     pub(super) fn finish(mut self) -> Vec<Drift> {
         for tracked in &mut self.tracked {
             let is_outage = |r: &Running| r.last >= r.window.to || r.last > r.first.0 && r.window.from > Time::MIN;
@@ -207,7 +211,7 @@ impl Drifts {
 }
 
 impl Tracked {
-    /// The drift of the window that ends before this epoch, if one does.
+    /// The drift of the window that ends before this epoch, if any.
     fn add(&mut self, time: Time, error: &Deviation, used: &Used) -> Option<Drift> {
         let begins = self.repeated.at(time);
         let is_another = |r: &Running| begins.is_some_and(|w| w.from != r.window.from);
@@ -222,7 +226,7 @@ impl Tracked {
                 ..Running::default()
             });
         }
-        // What the first measurement after an outage leaves of the error is not the error at its end.
+        // The error after the first measurement that follows an outage is not the error at its end.
         let is_overcome = self.running.as_ref().is_some_and(|r| self.ends_by(r.window.to, time, used));
         if let Some(running) = &mut self.running {
             running.add(time, error);
@@ -233,8 +237,8 @@ impl Tracked {
         ended
     }
 
-    /// Whether a measurement that was stamped after an outage until `to` was used by `time`; of an outage of nothing that is
-    /// read, whether it is over.
+    /// Returns true if a measurement stamped after the outage, which lasts until `to`, was used by `time`. If no sensor
+    /// reads the source: true if the outage is over.
     fn ends_by(&self, to: Time, time: Time, used: &Used) -> bool {
         let of_source = |(sensor, stamp, valid): &(usize, Time, Time)| self.sensors.contains(sensor) && *stamp >= to && *valid <= time;
         if self.sensors.is_empty() {
@@ -254,7 +258,7 @@ impl Running {
         self.growth = self.growth.max((north - n).hypot(east - e));
     }
 
-    /// Where the run ends, which may be in the outage.
+    /// The drift if the run ends here, possibly inside the outage.
     fn at_the_end(self) -> Drift {
         let (is_cut, last) = (self.last < self.window.to, self.last);
         let window = if is_cut { Window { to: last, ..self.window } } else { self.window };
@@ -286,7 +290,7 @@ impl Running {
 
 #[cfg(test)]
 impl Outage {
-    /// Of a window as it is written in TOML.
+    /// An outage with a window as written in TOML.
     pub(super) fn of(window: &str, sensors: &[usize]) -> Self {
         #[derive(serde::Deserialize)]
         struct Holder {
@@ -326,7 +330,7 @@ mod tests {
         }
         let found = drifts.finish();
         let worst = Drift::worst(&found).unwrap();
-        // 4 ε: rounding. Along north-east the variance is the mean of both.
+        // 4 ε: rounding. Along north-east the variance is the mean of both variances.
         let close = |a: f64, b: f64| (a - b).abs() < 1e-15 * b;
         assert!(
             close(worst.end_horizontal, 18_f64.sqrt()) && close(worst.end_sigma, 2.5_f64.sqrt()),
@@ -338,14 +342,14 @@ mod tests {
         );
     }
 
-    /// From and until, and the largest error, of the outages of a run whose error is its time in
-    /// seconds after `start`, with epochs at every tenth of a second.
+    /// Start, end and largest error of the outages of a run. The error of the run is its time in seconds after `start`,
+    /// with an epoch every tenth of a second.
     fn run(window: &str, start: f64, used: &[(f64, f64)]) -> Vec<(f64, f64, f64)> {
         let mut drifts = Drifts::new(&[Outage::of(window, &[1])]);
         let mut used = used.iter().peekable();
         for k in 0..1000 {
             let since = f64::from(k) * 0.1;
-            // What is valid between two epochs was used before the second is told of.
+            // A measurement valid between two epochs is used before the second epoch is reported.
             while let Some((stamp, valid)) = used.next_if(|(_, valid)| *valid <= since) {
                 drifts.used(0, t(start + 0.5), t(start + 0.5));
                 drifts.used(1, t(start + stamp), t(start + valid));
@@ -362,7 +366,7 @@ mod tests {
 
     #[test]
     fn a_window_ends_with_the_first_measurement_used_after_it() {
-        // Fixes each second but from 20 to 30 s, used only from 33 s on.
+        // Fixes each second except from 20 to 30 s, used only from 33 s.
         let used: Vec<(f64, f64)> = (0..100).map(f64::from).filter(|s| *s < 20.0 || *s > 32.0).map(|s| (s, s)).collect();
         assert_eq!(run("{ from = 20, to = 30 }", 0.0, &used), [(20.0, 32.9, 32.9)]);
     }
@@ -377,7 +381,7 @@ mod tests {
             .collect();
         let window = "{ from = 20, to = 30 }";
         assert_eq!(run(window, 0.0, &used), [(20.0, 30.0, 30.0)]);
-        // But the error at its end is that before the fix.
+        // But the error at its end is the error before the fix.
         let mut drifts = Drifts::new(&[Outage::of(window, &[1])]);
         for k in 190..320 {
             let time = 0.1 * f64::from(k);
@@ -409,7 +413,7 @@ mod tests {
         for window in ["{ from = 95, to = 105 }", "{ from = 95 }"] {
             assert_eq!(run(window, 0.0, &[]), [(95.0, 99.9, 99.9)], "{window}");
         }
-        // A source that is never there, and an outage that has hardly begun.
+        // A source that is always silent, and an outage that has just begun.
         assert_eq!(run("{}", 0.0, &[]), []);
         assert_eq!(run("{ from = 99.85, to = 105 }", 0.0, &[]), []);
     }
@@ -425,7 +429,7 @@ mod tests {
                 .iter()
                 .filter(|(at, _)| *at == k)
                 .for_each(|(_, s)| drifts.moved(1, "standing", t(time), *s));
-            // The source again, whose first fix is valid before the end of the outage; the last epoch of that is at 3 s.
+            // The source returns. Its first fix is valid before the end of the outage, whose last epoch is at 3 s.
             if k == 31 {
                 drifts.moved(0, "gnss", t(3.04), 9.0);
                 drifts.used(0, t(time), t(time));

@@ -1,7 +1,7 @@
-//! The score in declared episodes and outside them.
+//! The score inside and outside declared episodes.
 //!
-//! A trial has stretches in which more is wrong than a filter is told: trenching, a zone of reflections. Errors
-//! and consistency in them say how it bears that, those outside say whether it is sound.
+//! A trial has stretches with disturbances that the filter does not know: trenching, a zone of reflections. Errors and
+//! consistency inside them show how the filter copes. Those outside show if it is sound.
 
 use super::comparison::{Deviation, EpochError};
 use super::nees::NeesSeries;
@@ -17,19 +17,19 @@ pub struct PartScore {
     pub epochs: usize,
     /// Position error, north east down \[m\].
     pub position: Option<Axes>,
-    /// RMS of the horizontal error \[m\]; not a number without a position.
+    /// RMS of the horizontal error \[m\]; NaN without a position.
     pub horizontal_rms: f64,
-    /// NEES of position, velocity, attitude; where the part has gaps its band takes the epochs on both sides
-    /// of one for neighbours.
+    /// NEES of position, velocity, attitude. If the part has gaps, its band treats the epochs before and after a gap as
+    /// neighbours.
     pub nees: [Option<Consistency>; 3],
 }
 
 /// The score in the declared episodes and outside them.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Episodes {
-    /// In any of them.
+    /// Inside any episode.
     pub during: PartScore,
-    /// In none of them.
+    /// Outside all episodes.
     pub outside: PartScore,
 }
 
@@ -71,13 +71,14 @@ impl EpisodeScorer {
         }
     }
 
-    /// Takes the error at an epoch that counts; whether NEES counts there, and that of attitude.
+    /// Takes the error at an epoch that counts. `nees` is true if NEES counts there, and `attitude` if the NEES of
+    /// attitude does.
     pub(super) fn add(&mut self, error: &EpochError, nees: bool, attitude: bool) {
         let is_during = self.windows.contains(error.time());
         let part = if is_during { &mut self.during } else { &mut self.outside };
         if let Some(d) = &error.position {
             part.position.add(error.time(), d);
-            // 0 where it is not known, and not counted then.
+            // 0 if it is not known; then it is not counted.
             part.horizontal += d.error.x.powi(2) + d.error.y.powi(2);
         }
         let body = error.attitude.as_ref().map(|a| &a.body).filter(|_| attitude);
@@ -147,7 +148,7 @@ mod tests {
             comparison.reach(&estimate, None, &mut add).unwrap();
         }
         let found = scorer.finish().episodes.unwrap();
-        // The last epoch waits for an estimate after it. 1e-5: two charts of the ellipsoid metres apart.
+        // The last epoch still waits for a later estimate. 1e-5: two charts of the ellipsoid metres apart.
         for (part, epochs, rms) in [(&found.during, 3, 4.0), (&found.outside, 5, 1.0)] {
             assert_eq!(part.epochs, epochs, "{found:?}");
             assert!((part.horizontal_rms - rms).abs() < 1e-5 && (part.nees[0].unwrap().mean - rms * rms).abs() < 1e-4);

@@ -1,7 +1,6 @@
 //! Scores: an estimate against a reference, its drift in outages, its consistency.
 //!
-//! The error of an estimate is computed in one place, [`Comparison`]; whoever wants it takes its
-//! [`EpochError`].
+//! [`Comparison`] computes the error of an estimate; all scores use its [`EpochError`].
 
 mod attitudes;
 mod blocks;
@@ -48,17 +47,17 @@ pub struct Axes {
     pub mean: [f64; 3],
     /// Largest magnitude.
     pub max: [f64; 3],
-    /// When that was \[s\].
+    /// The time of the largest magnitude \[s\].
     pub max_time: [f64; 3],
-    /// Mean of the 3σ that the errors are expected to have: by the filter, and the reference's own.
+    /// Mean of the expected 3σ of the errors, from the filter and the reference's own error.
     pub three_sigma: [f64; 3],
-    /// Share of the errors inside that 3σ; 0.997 for a consistent Gaussian filter. Not a number
-    /// for an axis that the filter does not estimate.
+    /// Share of the errors inside this 3σ; 0.997 for a consistent Gaussian filter. NaN for an axis that the filter does
+    /// not estimate.
     pub inside: [f64; 3],
 }
 
 impl Axes {
-    /// Every number being `value`.
+    /// All numbers equal to `value`.
     #[must_use]
     pub const fn all(value: f64) -> Self {
         let three = [value; 3];
@@ -76,9 +75,9 @@ impl Axes {
 /// Median and 95 % of the length of an error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
-    /// What half of the epochs do not exceed.
+    /// The median over the epochs.
     pub median: f64,
-    /// What 95 % of the epochs do not exceed.
+    /// The 95 % quantile over the epochs.
     pub p95: f64,
 }
 
@@ -89,7 +88,7 @@ impl Spread {
         Some(Self { median, p95 })
     }
 
-    /// In another unit.
+    /// Converted to another unit.
     pub(crate) fn times(self, factor: f64) -> Self {
         Self {
             median: factor * self.median,
@@ -109,7 +108,7 @@ pub struct Spreads {
     pub velocity: Option<Spread>,
     /// Angle between the two attitudes \[deg\].
     pub rotation_deg: Option<Spread>,
-    /// Turn about the vertical \[deg\].
+    /// Rotation about the vertical \[deg\].
     pub heading_deg: Option<Spread>,
 }
 
@@ -118,59 +117,58 @@ pub struct Spreads {
 pub struct Score {
     /// Reference epochs used.
     pub epochs: usize,
-    /// Position error, north east down \[m\]; not a number along an axis that the reference does not know.
+    /// Position error, north east down \[m\]; NaN along an axis that the reference does not know.
     pub position: Option<Axes>,
-    /// RMS of the horizontal error \[m\]; not a number without a position.
+    /// RMS of the horizontal error \[m\]; NaN without a position.
     pub horizontal_rms: f64,
-    /// Largest horizontal error \[m\]; not a number without a position.
+    /// Largest horizontal error \[m\]; NaN without a position.
     pub horizontal_max: f64,
     /// Median of the horizontal error \[m\].
     pub horizontal_median: Option<f64>,
     /// The horizontal error that 95 % of the epochs do not exceed \[m\].
     pub horizontal_p95: Option<f64>,
-    /// The change of the horizontal error in proportion to the way travelled; none of less than 50 m.
+    /// The change of the horizontal error relative to the distance travelled; `None` below 50 m.
     pub travelled: Option<Travelled>,
-    /// What of the horizontal error a constant offset in body axes explains; none without an attitude.
+    /// The part of the horizontal error that a constant offset in body axes explains; `None` without an attitude.
     pub offset: Option<Offset>,
     /// Velocity error, north east down \[m/s\].
     pub velocity: Option<Axes>,
     /// Attitude error, roll pitch yaw \[deg\].
     pub attitude_deg: Option<Axes>,
-    /// Which heading goes with the course of the reference's velocity; none without both, or without a way.
+    /// The heading that agrees with the course of the reference's velocity; `None` without both, or without motion.
     pub course: Option<Course>,
-    /// Epochs with a pitch beyond 80°, of which roll and yaw are not judged.
+    /// Epochs with a pitch beyond 80°, where roll and yaw are not judged.
     pub steep: usize,
-    /// RMS of the heading error 2 atan2(|z|, |w|) of q_est ⊗ q_ref* \[deg\]: the turn about the
-    /// vertical. With `inclination_rmse_deg` free of gimbal lock; as Laidig et al. 2021 (BROAD).
+    /// RMS of the heading error 2 atan2(|z|, |w|) of q_est ⊗ q_ref* \[deg\]: the rotation about the vertical. Like
+    /// `inclination_rmse_deg` it has no gimbal lock; as Laidig et al. 2021 (BROAD).
     pub heading_rmse_deg: Option<f64>,
-    /// RMS of the inclination error 2 acos √(w² + z²) \[deg\]: the rest of the turn.
+    /// RMS of the inclination error 2 acos √(w² + z²) \[deg\]: the rest of the rotation.
     pub inclination_rmse_deg: Option<f64>,
     /// RMS of the length of the position error \[m\].
     pub position_rmse_m: Option<f64>,
     /// RMS of the angle of the rotation between the two attitudes \[deg\].
     pub rotation_rmse_deg: Option<f64>,
-    /// The mean rotation from body to the reference's body that was taken out, roll pitch yaw \[deg\].
+    /// The mean rotation from body to the reference's body that was removed, roll pitch yaw \[deg\].
     pub mounting_deg: Option<[f64; 3]>,
-    /// NEES of position; of two degrees of freedom where the reference has no height.
+    /// NEES of position; with two degrees of freedom if the reference has no height.
     pub nees_position: Option<Consistency>,
-    /// NEES of height or depth, where the reference has it alone.
+    /// NEES of height or depth, if the reference has only this.
     pub nees_height: Option<Consistency>,
     /// NEES of velocity.
     pub nees_velocity: Option<Consistency>,
-    /// NEES of attitude, where no mounting was taken out.
+    /// NEES of attitude, if no mounting was removed.
     pub nees_attitude: Option<Consistency>,
-    /// Epochs at which the NEES of position, velocity, attitude was not defined: a covariance that
-    /// is not positive semidefinite, a number that is not finite, or fewer directions estimated
-    /// than at other epochs.
+    /// Epochs at which the NEES of position, velocity, attitude was not defined. The covariance was not positive
+    /// semidefinite, a number was not finite, or fewer directions were estimated than at other epochs.
     pub nees_undefined: [usize; 3],
     /// Median and 95 % of the lengths of the errors.
     pub spread: Spreads,
-    /// Absolute and relative errors of the trajectory; none of fewer than two positions, and of one run of many
-    /// only where the design asks for it.
+    /// Absolute and relative errors of the trajectory; `None` for fewer than two positions. For one run of many, only
+    /// if the design asks for it.
     pub trajectory: Option<Trajectory>,
-    /// Whether the errors stay within the limits declared, and from when on.
+    /// Convergence: the time from which the errors stay within the declared limits.
     pub convergence: Option<Convergence>,
-    /// In the declared episodes and outside them; none where none is declared.
+    /// The score inside and outside the declared episodes; `None` without declared episodes.
     pub episodes: Option<Episodes>,
     /// Each block of the state whose truth a simulation knows.
     pub blocks: Vec<BlockScore>,

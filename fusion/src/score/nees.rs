@@ -1,8 +1,8 @@
 //! NEES: an error against its covariance, in the directions that the filter estimates.
 //!
-//! NEES  eᵀ Uᵀ (U S Uᵀ)⁻¹ U e with S = P + R, P that of the filter, R that of the reference
-//! U     an orthonormal basis of the directions in which P is not zero: a planar filter has two
-//!       of a position, one of an attitude. They are the degrees of freedom
+//! NEES  eᵀ Uᵀ (U S Uᵀ)⁻¹ U e with S = P + R, P of the filter, R of the reference
+//! U     an orthonormal basis of the directions in which P is not zero: a planar filter has two for a position,
+//!       one for an attitude. They are the degrees of freedom
 //!
 //! Source: Bar-Shalom, Li, Kirubarajan 2001, §5.4.2.
 
@@ -11,21 +11,20 @@ use super::{Consistency, Series};
 use nalgebra::allocator::Allocator;
 use nalgebra::{DMatrix, DVector, DefaultAllocator, DimMin, OMatrix, OVector, SymmetricEigen};
 
-/// A variance below this share of the largest is none: rounding of the largest, in a sum of a few
-/// tens of products.
+/// A variance below this share of the largest counts as zero. It is rounding of the largest, in a sum of a few tens of
+/// products.
 const ZERO: f64 = 1e-14;
-/// Pivots above this share of the largest variance need no closer look.
+/// Pivots above this share of the largest variance need no further check.
 const FULL: f64 = 1e-8;
 
-/// The NEES of `error` with its degrees of freedom, `own` being the covariance by the filter and
-/// `reference` that of what it is compared with; `None` where `own` is not positive semidefinite or
-/// a number is not finite.
+/// The NEES of `error` with its degrees of freedom. `own` is the covariance of the filter, `reference` that of the
+/// reference. `None` if `own` is not positive semidefinite or a number is not finite.
 pub(super) fn nees<D>(error: &OVector<f64, D>, own: &OMatrix<f64, D, D>, reference: &OMatrix<f64, D, D>) -> Option<(f64, usize)>
 where
     D: DimMin<D, Output = D>,
     DefaultAllocator: Allocator<D> + Allocator<D, D>,
 {
-    // Without a branch each: they nearly always are.
+    // A check without branches, because the numbers are nearly always finite.
     let is_finite = |all: &[f64]| all.iter().fold(true, |all, v| all & v.is_finite());
     if !(is_finite(error.as_slice()) & is_finite(own.as_slice()) & is_finite(reference.as_slice())) {
         return None;
@@ -38,18 +37,18 @@ where
     nees_in_part(&DVector::from_column_slice(error.as_slice()), dense(own), &dense(reference))
 }
 
-/// The error in units of its own 1σ, L⁻¹ e of S = L Lᵀ: the NEES is the sum of its squares. `None` where a direction is not
-/// estimated, or S is not positive definite.
+/// The error in units of its 1σ, L⁻¹ e with S = L Lᵀ: the NEES is the sum of its squares. `None` if a direction is
+/// not estimated, or S is not positive definite.
 fn whitened<D>(error: &OVector<f64, D>, own: &OMatrix<f64, D, D>, reference: &OMatrix<f64, D, D>) -> Option<OVector<f64, D>>
 where
     D: DimMin<D, Output = D>,
     DefaultAllocator: Allocator<D> + Allocator<D, D>,
 {
     let largest = own.diagonal().amax();
-    // The pivots of a factor bound the eigenvalues: far from zero, every direction is estimated.
+    // The pivots of a factor bound the eigenvalues: if they are far from zero, every direction is estimated.
     let has_all = |l: &OMatrix<f64, D, D>| l.diagonal().iter().all(|pivot| pivot * pivot > FULL * largest);
     let factor = factor(own.clone()).filter(has_all)?;
-    // A reference without an error of its own leaves the factor as it is.
+    // An exact reference leaves the factor unchanged.
     let is_exact = reference.as_slice().iter().fold(true, |all, v| all & (*v == 0.0));
     let factor = if is_exact { factor } else { self::factor(own + reference)? };
     let mut z = error.clone();
@@ -57,9 +56,9 @@ where
     Some(z)
 }
 
-/// L of `a` = L Lᵀ below and on the diagonal, above it what was there; `None` where `a` is not positive definite.
+/// L of `a` = L Lᵀ, on and below the diagonal; above it `a` is unchanged. `None` if `a` is not positive definite.
 ///
-/// Plain loops, which the compiler unrolls for three axes: half the time of nalgebra's, and the same bits.
+/// Plain loops, which the compiler unrolls for three axes: half the time of nalgebra's, with the same bits.
 fn factor<D: DimMin<D, Output = D>>(mut a: OMatrix<f64, D, D>) -> Option<OMatrix<f64, D, D>>
 where
     DefaultAllocator: Allocator<D, D>,
@@ -80,7 +79,7 @@ where
     Some(a)
 }
 
-/// `b` becomes x of L x = b.
+/// Solves L x = b; `b` becomes x.
 fn solve<D: DimMin<D, Output = D>>(l: &OMatrix<f64, D, D>, b: &mut OVector<f64, D>)
 where
     DefaultAllocator: Allocator<D> + Allocator<D, D>,
@@ -93,7 +92,7 @@ where
     }
 }
 
-/// The same of finite numbers where a direction may not be estimated.
+/// The NEES of finite numbers if some directions may not be estimated.
 fn nees_in_part(error: &DVector<f64>, own: DMatrix<f64>, reference: &DMatrix<f64>) -> Option<(f64, usize)> {
     let sum = &own + reference;
     let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(own);
@@ -112,7 +111,7 @@ fn nees_in_part(error: &DVector<f64>, own: DMatrix<f64>, reference: &DMatrix<f64
     Some((e.dot(&solved), known.len()))
 }
 
-/// The NEES of a deviation, with its degrees of freedom: along the axes that the reference knows.
+/// The NEES of a deviation, with its degrees of freedom, along the axes that the reference knows.
 pub fn of(d: &Deviation) -> Option<(f64, usize)> {
     if !d.is_whole() {
         let known: Vec<usize> = (0..3).filter(|k| d.known[*k]).collect();
@@ -125,17 +124,17 @@ pub fn of(d: &Deviation) -> Option<(f64, usize)> {
 
 /// The NEES of many epochs.
 ///
-/// An epoch may have fewer degrees of freedom than the others: before a direction is estimated.
-/// Its NEES has another mean, and is not counted with them.
+/// Some epochs may have fewer degrees of freedom than others, before a direction is estimated. Their NEES has a
+/// different mean and does not count.
 ///
-/// An error that is in the mean of a run as large as one of its 1σ, and hardly changes, says no more than one of its
-/// values: the NEES alone shows only how it changes. So the values that count as independent are also those of the error
-/// in units of its 1σ, whose mean is known to be 0. Of an error with ρ between neighbours that is
-/// τ = (1 + ρ)/(1 − ρ), of its square (1 + ρ²)/(1 − ρ²) = (τ + 1/τ)/2.
+/// A nearly constant error counts as a single value. The NEES alone shows only the changes of such an error. So the
+/// number of independent values also depends on the error in units of its 1σ, whose mean is known to be 0. If
+/// neighbours have the correlation ρ, this error has τ = (1 + ρ)/(1 − ρ). Its square has (1 + ρ²)/(1 − ρ²) = (τ +
+/// 1/τ)/2.
 #[derive(Clone, Debug)]
 pub(super) struct NeesSeries {
     values: Series,
-    /// The errors in units of their 1σ, of the epochs that have all three.
+    /// The errors in units of their 1σ, for the epochs that have all three axes.
     errors: [Series; 3],
     dof: usize,
     undefined: usize,
@@ -160,7 +159,7 @@ impl Default for NeesSeries {
 }
 
 impl NeesSeries {
-    /// Takes what [`nees`] found at an epoch.
+    /// Takes the result of [`nees`] at an epoch.
     pub(super) fn add(&mut self, found: Option<(f64, usize)>) {
         self.take(found, None);
     }
@@ -202,7 +201,7 @@ impl NeesSeries {
         }
     }
 
-    /// Epochs at which it was not defined, or had fewer degrees of freedom than later.
+    /// Epochs at which the NEES was not defined, or had fewer degrees of freedom than later.
     pub(super) const fn undefined(&self) -> usize {
         self.undefined
     }
@@ -239,11 +238,11 @@ mod tests {
 
     #[test]
     fn what_is_no_state_is_no_degree_of_freedom() {
-        // The velocity of a vehicle that drives north-east: down is no state, nor is across.
+        // The velocity of a vehicle that drives north-east: neither down nor across is a state.
         let (value, dof) = of_numbers(&[1.0, 1.0, 7.0], &[0.5, 0.5, 0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0], 0.0).unwrap();
-        // √2 ahead of a variance of 1; 1e-14: rounding.
+        // √2 forward with a variance of 1; 1e-14: rounding.
         assert!((value - 2.0).abs() < 1e-14 && dof == 1, "{value} {dof}");
-        // The reference's own error does not make it one.
+        // The reference's own error does not make it a state.
         let (value, dof) = of_numbers(&[1.0, 7.0], &[1.0, 0.0, 0.0, 0.0], 1.0).unwrap();
         assert!((value - 0.5).abs() < 1e-14 && dof == 1, "{value} {dof}");
         assert_eq!(of_numbers(&[1.0], &[0.0], 0.0), Some((0.0, 0)));
@@ -273,12 +272,13 @@ mod tests {
             series.add(found);
         }
         let mean = series.consistency().unwrap();
-        // Not defined: one before all directions were estimated, one unsound, two with fewer again.
+        // Not defined: one epoch before all directions were estimated, one unsound epoch, two with fewer directions
+        // again.
         assert_eq!((mean.mean, mean.dof, mean.count, series.undefined()), (3.0, 2, 2, 4));
     }
 
-    /// Deviations with a covariance of 1: along each axis what was drawn once, and noise that goes on with `rho` from one
-    /// to the next.
+    /// Deviations with a covariance of 1. Each axis has a constant part of size `drawn`, and noise with the correlation
+    /// `rho` between neighbours.
     fn deviations(count: usize, drawn: f64, rho: f64, size: f64) -> NeesSeries {
         let (mut bits, mut error) = (9_u64, [0.0; 3]);
         let mut series = NeesSeries::default();
@@ -302,21 +302,21 @@ mod tests {
 
     #[test]
     fn an_error_that_lasts_as_long_as_the_run_is_one_error() {
-        // Drawn once, 1.3 of its 1σ along each axis, with a little noise: however many epochs repeat it, it is one draw. Its
-        // NEES of 5.3 varies by the noise alone, as a thousand samples would.
+        // A constant error of 1.3 of its 1σ along each axis, with a little noise: any number of epochs repeats the same
+        // draw. Its NEES of 5.3 varies only by the noise, as a thousand samples would.
         let drawn = deviations(1000, 1.3, 0.0, 0.3).consistency().unwrap();
         assert!(
             drawn.independent < 3.0 && drawn.verdict() == Some(crate::score::Verdict::Consistent),
             "{drawn:?}"
         );
-        // White errors twice as large as stated are told by a hundred of them; half of 1000 count at least.
+        // A hundred samples show white errors twice as large as stated; at least half of 1000 count.
         let white = deviations(1000, 0.0, 0.0, 2.0).consistency().unwrap();
         assert!(
             white.independent > 500.0 && white.verdict() == Some(crate::score::Verdict::Overconfident),
             "{white:?}"
         );
-        // τ of the squares with ρ = 0.9 between neighbours is (1 + 0.81)/(1 − 0.81) = 9.5: 105 of 1000; within a factor of
-        // 1.5, as the autocorrelation of a hundred is known.
+        // With ρ = 0.9 between neighbours, τ of the squares is (1 + 0.81)/(1 − 0.81) = 9.5: 105 of 1000. The tolerance
+        // is a factor of 1.5, the accuracy of the autocorrelation of a hundred.
         let slow = deviations(1000, 0.0, 0.9, 1.0).consistency().unwrap();
         assert!((70.0..160.0).contains(&slow.independent), "{slow:?}");
     }

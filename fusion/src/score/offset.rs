@@ -1,12 +1,12 @@
-//! How much of the position error is a constant offset in the axes of the body: a wrong lever arm.
+//! The part of the position error that is a constant offset in body axes: a wrong lever arm.
 //!
 //! e = C_nb l + d + v τ + noise, horizontally, by least squares over all epochs
 //!
-//! with l the offset, d a constant error north and east, and τ a latency, which must not pass for an offset
-//! ahead. A vehicle that never turns tells no l from d, one of constant speed no l ahead from τ: there the 1σ of
-//! l stays that of its prior.
+//! with l the offset, d a constant error north and east, and τ a latency, which must not look like a forward offset.
+//! Without turns, l and d are not separable. At constant speed, the forward part of l and τ are not separable. In both
+//! cases the 1σ of l remains its prior.
 //!
-//! Not here  errors that change in time: they are noise, taken for independent after [`INDEPENDENT`]
+//! Not here  errors that change in time: they are noise, and count as independent after [`INDEPENDENT`]
 
 use super::comparison::Deviation;
 use fusion_core::time::Time;
@@ -15,38 +15,39 @@ use serde::Serialize;
 
 /// Unknowns: l, d, τ.
 const N: usize = 6;
-/// The number of τ.
+/// The index of τ.
 const LATENCY: usize = 5;
-/// 1σ of what each may be before an error is seen: 10 m, 100 m, 1 s.
+/// The prior 1σ of each unknown: 10 m, 100 m, 1 s.
 const PRIOR: [f64; N] = [10.0, 10.0, 10.0, 100.0, 100.0, 1.0];
-/// Errors of a position that is fixed by a receiver and carried by an inertial unit are alike for some seconds; of
-/// so many one is counted \[s\].
+/// The position errors of an inertial unit with receiver fixes are correlated over some seconds. One error counts in
+/// each such interval \[s\].
 const INDEPENDENT: f64 = 10.0;
 
 /// A constant offset in body axes that was fitted to the position errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Offset {
-    /// Where the estimate lies of the reference, forward right down \[m\].
+    /// The position of the estimate relative to the reference, forward right down \[m\].
     pub body: [f64; 3],
-    /// 1σ of each axis \[m\]; 10 m where nothing tells it.
+    /// 1σ of each axis \[m\]; 10 m if the axis is not observable.
     pub sigma: [f64; 3],
-    /// The share of the squares of the horizontal error that it explains, besides a constant error and a latency.
+    /// The share of the squares of the horizontal error that it explains, in addition to a constant error and a
+    /// latency.
     pub explained: f64,
-    /// The share of the squares that are left without it that each axis explains by itself.
+    /// For each axis: the share that it explains of the squares left by a fit without it.
     pub own: [f64; 3],
-    /// The same offset by the errors of the first and of the second half of the run \[m\].
+    /// The same offset from the errors of the first and of the second half of the run \[m\].
     pub halves: [[f64; 3]; 2],
     /// Their 1σ \[m\].
     pub halves_sigma: [[f64; 3]; 2],
-    /// By how much the estimate is ahead of the reference \[s\], of a vehicle whose speed changes.
+    /// The time by which the estimate is ahead of the reference \[s\], for a vehicle whose speed changes.
     pub latency: f64,
     /// Its 1σ \[s\].
     pub latency_sigma: f64,
-    /// The share of the squares that it explains, besides a constant error and an offset.
+    /// The share of the squares that it explains, in addition to a constant error and an offset.
     pub latency_explained: f64,
 }
 
-/// Parts of a run of which each has sums of its own, at most; an even number.
+/// The largest number of parts of a run, an even number. Each part has separate sums.
 const PARTS: usize = 16;
 /// The length of a part of a short run \[s\]; it doubles when there are too many.
 const SHORTEST: f64 = 4.0;
@@ -55,7 +56,7 @@ const SHORTEST: f64 = 4.0;
 #[derive(Clone, Debug, Default)]
 pub(super) struct OffsetFit {
     parts: Vec<Sums>,
-    /// By how much parts are longer than the shortest.
+    /// The number of doublings of the part length.
     doubled: u32,
 }
 
@@ -80,7 +81,7 @@ fusion_core::memory!(Sums {
 });
 
 impl OffsetFit {
-    /// The error at the next epoch; attitude and velocity are those estimated.
+    /// Takes the error at the next epoch, with estimated attitude and velocity.
     pub(super) fn add(&mut self, time: Time, d: &Deviation, motion: Option<&(UnitQuaternion<f64>, Vector3<f64>)>) {
         let length = SHORTEST * f64::from(self.doubled).exp2();
         let is_full = |part: &Sums| part.span.is_some_and(|(first, _)| time.seconds_since(first) >= length);
@@ -96,7 +97,7 @@ impl OffsetFit {
         }
     }
 
-    /// The offset; none without an epoch, or of errors that are all the same.
+    /// The offset; `None` without an epoch, or if all errors are equal.
     pub(super) fn finish(&self) -> Option<Offset> {
         let middle = self.parts.len().div_ceil(2);
         let half = |parts: &[Sums]| Sums::of_all(parts).offset();
@@ -130,7 +131,7 @@ impl Sums {
         })
     }
 
-    /// The error at the next epoch; attitude and velocity are those estimated.
+    /// Takes the error at the next epoch, with estimated attitude and velocity.
     fn add(&mut self, time: Time, d: &Deviation, motion: Option<&(UnitQuaternion<f64>, Vector3<f64>)>) {
         let Some((q, v)) = motion.filter(|_| d.is_horizontal() && d.error.xy().iter().all(|e| e.is_finite())) else {
             return;
@@ -150,7 +151,7 @@ impl Sums {
         self.span = Some((self.span.map_or(time, |(first, _)| first), time));
     }
 
-    /// The offset; none without an epoch, or of errors that are all the same.
+    /// The offset; `None` without an epoch, or if all errors are equal.
     fn offset(&self) -> Option<Offset> {
         let (first, last) = self.span?;
         let share = (last.seconds_since(first) / INDEPENDENT / self.count).clamp(f64::MIN_POSITIVE, 1.0);
@@ -163,7 +164,7 @@ impl Sums {
             sigma: core::array::from_fn(|k| with.sigma[k]),
             explained: explained(&without),
             own: core::array::from_fn(|k| {
-                // Without this axis (x/σ)² more of the variance of an independent row would be left.
+                // Without this axis, the variance of an independent row would increase by (x/σ)².
                 let more = (with.x[k] / with.sigma[k]).powi(2) / (2.0 * self.count * share);
                 more / (1.0 + more)
             }),
@@ -175,14 +176,14 @@ impl Sums {
         })
     }
 
-    /// The unknowns that `is_free`, with their 1σ and the squares that are left; `share` of the rows are independent.
-    /// The noise of a row is what an earlier fit has left, at first all of the error.
+    /// The unknowns with `is_free`, with their 1σ and the remaining squares; `share` of the rows are independent. The
+    /// noise of a row is the residual of the previous fit, and at first the whole error.
     fn fit(&self, share: f64, is_free: impl Fn(usize) -> bool) -> Option<Fit> {
         let m = SMatrix::<f64, N, N>::from_fn(|i, j| self.information[i][j]);
         let y = SVector::<f64, N>::from(self.against);
         let mut found = None;
         let mut variance = self.squares / (2.0 * self.count);
-        // What is left settles within a few rounds: it hardly depends on the priors.
+        // The residual settles within a few rounds: it hardly depends on the priors.
         for _ in 0..3 {
             let weight = share / variance.max(f64::MIN_POSITIVE);
             let mut p = m * weight;
@@ -203,7 +204,7 @@ impl Sums {
     }
 }
 
-/// What least squares give.
+/// The result of least squares.
 struct Fit {
     x: SVector<f64, N>,
     sigma: SVector<f64, N>,
@@ -215,7 +216,8 @@ mod tests {
     use super::*;
     use fusion_core::geometry::so3;
 
-    /// Fit of 200 s; heading and speed by time, error of the estimate by attitude and velocity.
+    /// The fit over 200 s. `motion` gives heading and speed by time, `error` the error of the estimate by attitude and
+    /// velocity.
     fn fitted(motion: impl Fn(f64) -> (f64, f64), error: impl Fn(f64, &UnitQuaternion<f64>, &Vector3<f64>) -> Vector3<f64>) -> Offset {
         let mut fit = OffsetFit::default();
         for k in 0..2000 {
@@ -223,7 +225,7 @@ mod tests {
             let (heading, speed) = motion(t);
             let q = so3::from_rpy(0.0, 0.0, heading);
             let v = q * Vector3::new(speed, 0.0, 0.0);
-            // Of ±0.3 m, without a pattern in body axes.
+            // Noise of ±0.3 m, without a pattern in body axes.
             let noise = Vector3::new((1.7 * t).sin(), (2.3 * t).cos(), 0.0) * 0.3;
             let deviation = Deviation {
                 error: error(t, &q, &v) + noise,
@@ -234,7 +236,7 @@ mod tests {
         fit.finish().unwrap()
     }
 
-    /// There and back, from rest to rest.
+    /// A drive there and back, from rest to rest.
     fn drive(t: f64) -> (f64, f64) {
         (0.05 * t, 5.0 - 5.0 * (0.2 * t).cos())
     }
@@ -244,12 +246,12 @@ mod tests {
         let arm = Vector3::new(-2.0, 0.5, 1.0);
         let found = fitted(drive, |_, q, v| q * arm + Vector3::new(3.0, -1.0, 0.0) + v * 0.2);
         for k in 0..2 {
-            // A fifth of the noise of a row, which has 20 independent ones.
+            // A fifth of the noise of a row: there are 20 independent rows.
             assert!((found.body[k] - arm[k]).abs() < 0.06 && found.sigma[k] < 0.2, "{found:?}");
         }
-        // A 25th of what 3 m/s RMS of speed make of the noise.
+        // A 25th: the noise divided by an RMS speed of 3 m/s.
         assert!((found.latency - 0.2).abs() < 0.01 && found.latency_explained > 0.5, "{found:?}");
-        // Nothing tells a height in horizontal errors of a vehicle that is level.
+        // The horizontal errors of a level vehicle do not show a height.
         assert!(found.sigma[2] > 9.9 && found.explained > 0.9, "{found:?}");
     }
 
@@ -261,7 +263,7 @@ mod tests {
             assert!((half[0] + 2.0).abs() < 0.3 && (half[1] - 0.5).abs() < 0.3, "{found:?}");
         }
         assert!(found.own[0] > 0.9 && found.own[1] > 0.5 && found.own[2] < 0.01, "{found:?}");
-        // Another arm in the second half: errors that wander.
+        // Another arm in the second half: drifting errors.
         let wanders = fitted(drive, |t, q, _| q * arm * if t < 100.0 { 1.0 } else { -1.0 });
         assert!(wanders.halves[0][0] < -1.0 && wanders.halves[1][0] > 1.0, "{wanders:?}");
     }

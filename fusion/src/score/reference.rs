@@ -9,16 +9,16 @@ use nalgebra::{UnitQuaternion, Vector3};
 pub struct ReferenceEpoch {
     /// Its time.
     pub time: Time,
-    /// Which of the sources of the reference it is of.
+    /// The index of the source of the reference.
     pub source: usize,
-    /// Position of the reference's point, if it has one at this time; latitude and longitude, or the height, are
-    /// not a number where they are not known.
+    /// Position of the reference's point, if it has one at this time. Unknown latitude and longitude, or an unknown
+    /// height, are NaN.
     pub position: Option<Geodetic>,
     /// Velocity \[m/s\], if it has one.
     pub velocity: Option<Vector3<f64>>,
     /// Attitude of the reference's body, if it has one.
     pub attitude: Option<UnitQuaternion<f64>>,
-    /// How far it may be wrong itself.
+    /// The reference's own 1σ.
     pub sigma: ReferenceSigma,
 }
 
@@ -36,7 +36,7 @@ fusion_core::memory!(ReferenceSigma {
     attitude
 });
 
-/// 1σ of the reference's own errors; 0 where nothing is known of them.
+/// 1σ of the reference's own errors; 0 if unknown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ReferenceSigma {
     /// Of its position, north east down \[m\].
@@ -48,7 +48,7 @@ pub struct ReferenceSigma {
 }
 
 impl ReferenceEpoch {
-    /// Its position, and which of north, east and down are known; what is not is that of `estimate`.
+    /// The position, and which of north, east and down are known; `estimate` gives the unknown ones.
     #[must_use]
     pub fn position_beside(&self, estimate: &Geodetic) -> Option<(Geodetic, [bool; 3])> {
         let own = self.position?;
@@ -59,8 +59,8 @@ impl ReferenceEpoch {
     }
 }
 
-/// Fills in velocities as the slope of a cubic fitted to the positions of `half` epochs on either
-/// side; epochs whose neighbours span more than `max_span` seconds get none.
+/// Computes velocities as the slope of a cubic fitted to the positions of `half` epochs on each side. Epochs whose
+/// neighbours span more than `max_span` seconds get none.
 ///
 /// Source: Savitzky, Golay 1964, for stamps that are not equidistant.
 pub fn differentiate(epochs: &mut [ReferenceEpoch], half: usize, max_span: f64) {

@@ -1,4 +1,4 @@
-//! The score of a run, made as it goes.
+//! Scores a run while it proceeds.
 
 use super::attitudes::Attitudes;
 use super::bounded::Quantiles;
@@ -17,32 +17,33 @@ use fusion_core::time::Time;
 use fusion_models::fault::Windows;
 use nalgebra::Vector3;
 
-/// How a run is scored.
+/// The rules for scoring a run.
 #[derive(Clone, Debug, Default)]
 pub struct Rules {
-    /// Errors count from here on.
+    /// Errors count from this time.
     pub from: Option<Time>,
-    /// NEES counts from here on, where that is later.
+    /// NEES counts from this time, if it is later.
     pub nees_from: Option<Time>,
-    /// Within which errors the run has converged; nothing is said without them.
+    /// The limits for convergence; without them there is no result for convergence.
     pub converged: Option<Limits>,
-    /// Takes the mean rotation between the two bodies out of the attitude errors.
+    /// Removes the mean rotation between the two bodies from the attitude errors.
     pub remove_mean_mounting: bool,
     /// Outages whose drift is reported.
     pub outages: Vec<Outage>,
-    /// Times that are scored apart from the others.
+    /// Times with a separate score.
     pub episodes: Option<Windows>,
-    /// The longest correlation time of a slow error that is a state, of those in metres, metres per second and
-    /// radians \[s\]; 0 where there is none.
+    /// The longest correlation time of a slow error that is a state, for errors in metres, metres per second and
+    /// radians \[s\]; 0 without a slow error.
     ///
-    /// The square of an error with the correlation time τ has the integrated autocorrelation τ: a run of T seconds
-    /// holds 1 + T/τ of them that are independent. From one run of some τ the series itself shows less of that.
+    /// The square of an error with the correlation time τ has the integrated autocorrelation τ. A run of T seconds
+    /// therefore holds 1 + T/τ independent values. In a run of a few τ, the series itself shows less correlation than
+    /// that.
     pub slowest: [f64; 3],
-    /// How the trajectory as a whole is compared; it is not without.
+    /// The rules for comparing the whole trajectory; `None` if it is not compared.
     pub trajectory: Option<TrajectoryRules>,
 }
 
-/// Errors as they are added up.
+/// Sums of errors.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sums {
     count: f64,
@@ -51,10 +52,10 @@ pub(super) struct Sums {
     sum: Vector3<f64>,
     squares: Vector3<f64>,
     max: Vector3<f64>,
-    /// When that was.
+    /// The time of the largest error.
     max_time: [Time; 3],
     sigma: Vector3<f64>,
-    /// Epochs at which the axis was estimated, and those of them with the error inside 3σ.
+    /// Epochs at which the axis was estimated, and the number of them with the error inside 3σ.
     estimated: Vector3<f64>,
     inside: Vector3<f64>,
 }
@@ -76,7 +77,8 @@ impl Sums {
         self.add_error(time, &d.error, &d.sigma(), d.known, d.is_estimated());
     }
 
-    /// Of an error `e` at a time, with its 1σ; whether the reference knows each axis, and the filter estimates it.
+    /// Adds an error `e` at a time, with its 1σ. The flags state for each axis if the reference knows it, and if the
+    /// filter estimates it.
     pub(super) fn add_error(&mut self, time: Time, e: &Vector3<f64>, sigma: &Vector3<f64>, known: [bool; 3], is_estimated: [bool; 3]) {
         self.known += Vector3::from(known.map(f64::from));
         let is_estimated = Vector3::from(is_estimated.map(f64::from));
@@ -93,24 +95,24 @@ impl Sums {
         }
     }
 
-    /// RMS of the length; none where the reference does not know every axis.
+    /// RMS of the length; `None` if the reference does not know every axis.
     fn whole_rms(&self) -> Option<f64> {
         let is_known = self.known.min() > 0.0;
         is_known.then(|| self.squares.component_div(&self.known).sum().sqrt())
     }
 
-    /// Epochs.
+    /// The number of epochs.
     pub(super) const fn count(&self) -> f64 {
         self.count
     }
 
-    /// Those with a horizontal position.
+    /// The number of epochs with a horizontal position.
     pub(super) fn horizontal(&self) -> f64 {
         self.known.x
     }
 
     pub(super) fn axes(&self) -> Option<Axes> {
-        // Not a number for an axis that the reference never knew.
+        // NaN for an axis that the reference never knew.
         let once = self.known.map(|known| if known > 0.0 { 1.0 } else { f64::NAN });
         (self.count > 0.0).then(|| Axes {
             rms: self.squares.component_div(&self.known).map(f64::sqrt).into(),
@@ -123,7 +125,7 @@ impl Sums {
     }
 }
 
-/// Scores a run as it goes.
+/// Scores a run while it proceeds.
 #[derive(Debug)]
 pub struct Scorer {
     rules: Rules,
@@ -137,7 +139,7 @@ pub struct Scorer {
     lengths: [Quantiles; 2],
     poses: Poses,
     nees_position: NeesSeries,
-    /// Of epochs with a height alone.
+    /// NEES of epochs with a height only.
     nees_height: NeesSeries,
     nees_velocity: NeesSeries,
     nees_attitude: NeesSeries,
@@ -169,7 +171,7 @@ fusion_core::memory!(Scorer {
 });
 
 impl Scorer {
-    /// Without an error yet.
+    /// A scorer without errors.
     #[must_use]
     pub fn new(rules: Rules) -> Self {
         Self {
@@ -235,7 +237,7 @@ impl Scorer {
         }
     }
 
-    /// A position error that counts, of as many axes as the reference knows, and the place of the reference.
+    /// Takes a position error that counts, along the axes that the reference knows, with the position of the reference.
     fn add_position(&mut self, time: Time, d: &Deviation, place: Option<&Geodetic>, is_settled: bool) {
         self.position.add(time, d);
         if d.is_whole() {
@@ -254,17 +256,18 @@ impl Scorer {
         }
     }
 
-    /// Hears since when the filter was aligned by its own word \[s\]: a mean mounting is of its attitudes from then on.
+    /// Takes the time at which the filter reported its alignment \[s\]: the mean mounting uses the attitudes after it.
     pub const fn align(&mut self, time: Option<f64>) {
         self.attitudes.align(time);
     }
 
-    /// Hears that a sensor's measurement, stamped `stamp` and valid at `time`, was used.
+    /// Reports that a sensor's measurement, stamped `stamp` and valid at `time`, was used.
     pub fn used(&mut self, sensor: usize, stamp: Time, time: Time) {
         self.drifts.used(sensor, stamp, time);
     }
 
-    /// Hears that a measurement of `sensor`, which has this name, valid at `time`, moved what it measures by so many of its 1σ.
+    /// Reports that a measurement of `sensor`, called `name` and valid at `time`, moved the measured quantity by
+    /// `sigmas` of its 1σ.
     pub fn moved(&mut self, sensor: usize, name: &str, time: Time, sigmas: f64) {
         self.drifts.moved(sensor, name, time, sigmas);
     }
@@ -289,7 +292,7 @@ impl Scorer {
         let slowest = self.rules.slowest;
         let judged = |series: &NeesSeries, what: usize| {
             let found = series.consistency();
-            // Without a slow error the series tells by itself.
+            // Without a slow error the series itself decides.
             found.map(|c| {
                 if slowest[what] > 0.0 {
                     c.at_most(1.0 + span / slowest[what])
@@ -334,7 +337,7 @@ impl Scorer {
     }
 }
 
-/// The middle of `values`; none without one.
+/// The median of `values`; `None` if it is empty.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     if values.is_empty() {
         return None;
@@ -399,14 +402,14 @@ mod tests {
                     error.into_iter().for_each(|error| scorer.add(error));
                     Ok::<_, core::convert::Infallible>(())
                 };
-                // From one epoch to the next it changes its sign: as white as can be.
+                // The sign changes from epoch to epoch, so the errors are not correlated.
                 let north = if k % 2 == 0 { 1.0 } else { -1.5 };
                 comparison.reach(&estimate(f64::from(k), north, 0.0), None, add).unwrap();
             }
             scorer.finish().nees_position.unwrap().independent
         };
         assert!(independent(0.0) > 50.0);
-        // 100 s with an error of 50 s: 1 + 2.
+        // 100 s with a correlation time of 50 s: 1 + 2.
         assert_eq!(independent(50.0), 3.0);
     }
 
@@ -432,7 +435,7 @@ mod tests {
             (score.horizontal_rms - ((25.0 + 100.0 + 117.0) / 5.0_f64).sqrt()).abs() < 1e-4,
             "{score:?}"
         );
-        // Of 0, 5, 10, √117 and 0 m.
+        // The values 0, 5, 10, √117 and 0 m.
         let [median, p95] = [score.horizontal_median, score.horizontal_p95].map(Option::unwrap);
         assert!((median - 5.0).abs() < 1e-4 && (p95 - 117_f64.sqrt()).abs() < 1e-4, "{score:?}");
         assert!((score.drift[0].max_horizontal - 117_f64.sqrt()).abs() < 1e-3);

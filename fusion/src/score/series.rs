@@ -1,24 +1,24 @@
-//! A series of statistics: its mean, and how much its neighbours in time have in common.
+//! A series of statistics: its mean, and the correlation of neighbours in time.
 
 use super::bounded::KEPT;
 use fusion_core::memory::{Memory, Tape};
 
-/// Lags of the autocorrelation that are looked at.
+/// The number of lags of the autocorrelation.
 const LAGS: usize = 5000;
-/// Lags that are summed up side by side: one sum alone waits for each of its additions.
+/// The number of lags that are summed in parallel: a single sum would wait for each addition.
 const ABREAST: usize = 8;
 
 /// A series, in memory that does not grow with it.
 ///
-/// Its first 2^18 values are kept, or fewer of a coarse one. Of a longer series it is the means of
-/// 2, 4, … neighbours, and of all values count, mean and variance.
+/// It keeps the first 2^18 values, or fewer for a coarse series. A longer series keeps the means of 2, 4, … neighbours.
+/// Count, mean and variance cover all values.
 #[derive(Clone, Debug)]
 pub struct Series {
     kept: usize,
     /// Means of `each` values.
     means: Vec<f64>,
     each: u64,
-    /// The sum of the values that do not make up a mean yet, and how many they are.
+    /// The sum of the values of the next incomplete mean, and their number.
     open: (f64, u64),
     count: u64,
     sum: f64,
@@ -62,7 +62,7 @@ impl Series {
         }
     }
 
-    /// One of which 2^12 values are kept: where several go beside another.
+    /// A series that keeps 2^12 values, for use together with several others.
     pub(crate) const fn coarse() -> Self {
         Self::keeping(1 << 12)
     }
@@ -80,7 +80,7 @@ impl Series {
             return;
         }
         if self.means.len() == self.kept {
-            // The new one is the first half of a mean of twice as many.
+            // The new value starts a mean of twice as many values.
             (0..self.kept / 2).for_each(|k| self.means[k] = 0.5 * (self.means[2 * k] + self.means[2 * k + 1]));
             self.means.truncate(self.kept / 2);
             self.each *= 2;
@@ -90,13 +90,13 @@ impl Series {
         self.open = (0.0, 0);
     }
 
-    /// Values.
+    /// The number of values.
     #[must_use]
     pub const fn len(&self) -> usize {
         self.count as usize
     }
 
-    /// Whether there is no value.
+    /// Returns true if there are no values.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.count == 0
@@ -108,12 +108,13 @@ impl Series {
         self.sum / self.count as f64
     }
 
-    /// How many independent values say as much of the mean.
+    /// The number of independent values with the same information about the mean.
     ///
-    /// Neighbours in time are correlated: N samples carry N/τ independent ones, τ = 1 + 2 Σ ρ_k being the
-    /// integrated autocorrelation, summed up to the first ρ_k that is not positive. Source: Sokal 1997, §3.
-    /// Of a long series τ is that of the means of neighbours: their variance, times their own τ and the values in
-    /// each, over the variance of the values. Source: Flyvbjerg and Petersen 1989.
+    /// Neighbours in time are correlated: N samples carry N/τ independent ones. τ = 1 + 2 Σ ρ_k is the integrated
+    /// autocorrelation, summed up to the first ρ_k that is not positive. Source: Sokal 1997, §3.
+    ///
+    /// For a long series, τ comes from the means of neighbours. It is the variance of the means, times their own τ and
+    /// the number of values in each, divided by the variance of the values. Source: Flyvbjerg and Petersen 1989.
     #[must_use]
     pub fn independent(&self) -> f64 {
         let mean = if self.each == 1 {
@@ -124,13 +125,14 @@ impl Series {
         self.independent_about(mean, self.squares)
     }
 
-    /// The same of values whose mean is known to be 0: one that is not is an error that lasts as long as the series.
+    /// The same for values whose true mean is known to be 0: a non-zero mean counts as an error that lasts for the
+    /// whole series.
     #[must_use]
     pub(crate) fn independent_about_zero(&self) -> f64 {
         self.independent_about(0.0, self.squares + self.count as f64 * self.centre * self.centre)
     }
 
-    /// How many of its own 1σ the mean is away from 0; 0 without a value, or where all are equal.
+    /// The distance of the mean from 0 in units of its 1σ; 0 without values, or if all are equal.
     #[must_use]
     pub(crate) fn mean_sigmas(&self) -> f64 {
         if self.squares <= 0.0 {
@@ -140,7 +142,7 @@ impl Series {
         self.mean() / variance.sqrt()
     }
 
-    /// With the mean, and the sum of the squares of the differences of all values from it.
+    /// The same for a given mean, and the sum of the squared differences of all values from it.
     fn independent_about(&self, mean: f64, squares: f64) -> f64 {
         let off: Vec<f64> = self.means.iter().map(|value| value - mean).collect();
         let variance = off.iter().map(|d| d * d).sum::<f64>();
@@ -169,8 +171,8 @@ impl FromIterator<f64> for Series {
     }
 }
 
-/// Sums of the products of `off` with itself, later by `first` and by each of the lags that follow; 0 beyond its
-/// end. Each sum is added up in order of time.
+/// Sums of the products of `off` with itself, shifted by `first` and by each of the following lags; 0 beyond its end.
+/// Each sum is added in order of time.
 fn lagged(off: &[f64], first: usize) -> [f64; ABREAST] {
     let mut sums = [0.0; ABREAST];
     let later = off.get(first..).unwrap_or_default();
@@ -191,7 +193,7 @@ fn lagged(off: &[f64], first: usize) -> [f64; ABREAST] {
 mod tests {
     use super::*;
 
-    /// Noise with a correlation of `rho` between neighbours, by a generator of its own; and the τ that it has.
+    /// Noise with the correlation `rho` between neighbours, from a separate generator, and its τ.
     fn noise(count: usize, rho: f64) -> (Series, f64) {
         let (mut bits, mut last) = (9_u64, 0.0);
         let series = (0..count).map(|_| {
@@ -209,7 +211,7 @@ mod tests {
                 let (series, tau) = noise(count, rho);
                 assert_eq!(series.len(), count);
                 assert!(series.means.len() <= KEPT && series.means.capacity() <= KEPT);
-                // Of 262144 values with τ = 199 the sum of 1000 lags scatters by √(2·2000/262144) = 0.12: twice that.
+                // For 262144 values with τ = 199, the sum of 1000 lags scatters by √(2·2000/262144) = 0.12: twice that.
                 let found = count as f64 / series.independent();
                 assert!((found / tau - 1.0).abs() < 0.25, "{found} for {tau} of {count}");
             }
@@ -239,7 +241,7 @@ mod tests {
         let series: Series = (0..count).map(|k| k as f64).collect();
         assert_eq!(series.mean(), (count - 1) as f64 / 2.0);
         assert_eq!((series.len(), series.each), (count, 4));
-        // The values that a mean is of follow one another without a gap.
+        // The values of a mean are consecutive.
         assert_eq!(series.means[..3], [1.5, 5.5, 9.5]);
         assert_eq!(series.means.last(), Some(&(count as f64 - 3.5)));
         assert_eq!(series.open, ((count - 1) as f64, 1));

@@ -1,40 +1,40 @@
-//! The error of position in proportion to the way travelled, as makers of underwater navigation state it.
+//! The position error relative to the distance travelled, as makers of underwater navigation systems state it.
 //!
-//! With p the place of the reference and e the horizontal error, both less what they were at the first
-//! epoch, and s the length of the way since then:
+//! With p the position of the reference and e the horizontal error, both minus their values at the first epoch, and s
+//! the distance travelled since then:
 //!
 //! from the origin     max |e| / s_end
-//! reciprocal lines    max |e − A p| / s_end, A of least squares, or 0 where that leaves less
+//! reciprocal lines    max |e − A p| / s_end, A by least squares, or 0 if this gives a smaller error
 //!
-//! A = \[a −b; b a\] is an error of scale and of heading that does not change: of two lines there and back
-//! it takes away as much on the second as it brought on the first. What is left of e adds up on any way.
+//! A = \[a −b; b a\] is a constant error of scale and heading. On two lines there and back, the second line cancels its
+//! effect on the first. The rest of e adds up on any path.
 
 use super::bounded::{Quantiles, Thinned};
 use fusion_core::geometry::wgs84::Geodetic;
 use serde::Serialize;
 
-/// The way is measured in chords of this length \[m\]: the noise of a reference is no way.
+/// The distance is measured in chords of this length \[m\]: noise of the reference does not count as distance.
 const CHORD: f64 = 5.0;
-/// Nothing is said of a shorter way \[m\]: the error of the reference itself would be a part of it.
+/// There is no result for a shorter distance \[m\]: the error of the reference itself would be a part of it.
 const SHORTEST: f64 = 50.0;
 
-/// The largest change of the horizontal position error, in % of the way travelled.
+/// The largest change of the horizontal position error, in % of the distance travelled.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Travelled {
-    /// The way of the reference since the first epoch scored, in chords of 5 m \[m\].
+    /// The distance travelled by the reference since the first scored epoch, in chords of 5 m \[m\].
     pub distance: f64,
-    /// From the origin: all of the change \[%\].
+    /// From the origin: the whole change \[%\].
     pub from_origin_percent: f64,
-    /// For reciprocal lines: less what scale and heading explain, which lines there and back cancel \[%\].
+    /// For reciprocal lines: without the part that scale and heading explain, which lines there and back cancel \[%\].
     pub reciprocal_percent: f64,
 }
 
-/// Follows the way.
+/// Follows the path.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Way {
     origin: Option<(Geodetic, [f64; 2])>,
     distance: f64,
-    /// Where the last chord ended, less the origin \[m\].
+    /// The end of the last chord, relative to the origin \[m\].
     end: [f64; 2],
     /// Σ p·p, Σ p·e and Σ p×e over the ends of all chords.
     squares: f64,
@@ -42,8 +42,8 @@ pub(super) struct Way {
     across: f64,
     /// The largest |e|.
     largest: f64,
-    /// At the end of each chord the place p and the error e, both less those at the origin \[m\]; of more than
-    /// 2^16 chords every second, fourth, ….
+    /// At the end of each chord, the position p and the error e, both relative to the origin \[m\]. Above 2^16 chords
+    /// every second, fourth, … is kept.
     points: Thinned<[[f64; 2]; 2]>,
 }
 
@@ -77,12 +77,12 @@ fusion_core::memory!(Horizontal {
 });
 
 impl Horizontal {
-    /// The next error, north and east \[m\], and the place of the reference.
+    /// Takes the next error, north and east \[m\], and the position of the reference.
     pub(super) fn add(&mut self, error: [f64; 2], place: Option<&Geodetic>) {
         let length = error[0].hypot(error[1]);
         self.lengths.add(length);
         self.squares += length * length;
-        // What is not a number is larger than all.
+        // NaN counts as larger than all numbers.
         let is_larger = self.largest.is_none_or(|largest| length.total_cmp(&largest).is_gt());
         self.largest = if is_larger { Some(length) } else { self.largest };
         if let Some(place) = place {
@@ -90,19 +90,19 @@ impl Horizontal {
         }
     }
 
-    /// The largest; not a number without one.
+    /// The largest error; NaN without errors.
     pub(super) fn largest(&self) -> f64 {
         self.largest.unwrap_or(f64::NAN)
     }
 
-    /// What the way has cost.
+    /// The error relative to the distance travelled.
     pub(super) fn travelled(&self) -> Option<Travelled> {
         self.way.finish()
     }
 }
 
 impl Way {
-    /// The next epoch: the place of the reference, and the error north and east there \[m\].
+    /// Takes the next epoch: the position of the reference, and the error north and east there \[m\].
     pub(super) fn add(&mut self, place: &Geodetic, error: [f64; 2]) {
         let Some((origin, first)) = &self.origin else {
             self.origin = Some((*place, error));
@@ -122,7 +122,7 @@ impl Way {
         }
     }
 
-    /// What the way has cost; none of a short one.
+    /// The error relative to the distance travelled; `None` for a short distance.
     pub(super) fn finish(&self) -> Option<Travelled> {
         if self.distance < SHORTEST {
             return None;
@@ -145,8 +145,8 @@ mod tests {
     use super::*;
     use nalgebra::Vector3;
 
-    /// Out to the north by `length` steps and back; the error is `of` the place and the way so far. A step is a
-    /// little longer than a metre, so that rounding does not decide whether five are a chord.
+    /// A path of `length` steps to the north and back; `of` gives the error from the position and the distance so far.
+    /// A step is slightly longer than a metre, so that rounding does not decide if five steps make a chord.
     fn there_and_back(length: u32, of: impl Fn(f64, f64) -> [f64; 2]) -> Option<Travelled> {
         let origin = Geodetic {
             lat: 0.6,
@@ -163,12 +163,13 @@ mod tests {
 
     #[test]
     fn lines_there_and_back_cancel_scale_and_heading_and_not_a_drift() {
-        // 2 % of scale and 1 % of heading: √5 % of 100.1 m out, of a way of 200.2 m. 1e-4: the curvature of the Earth.
+        // 2 % of scale and 1 % of heading: √5 % of 100.1 m out, with a distance of 200.2 m. 1e-4: the curvature of the
+        // Earth.
         let scale = there_and_back(100, |north, _| [3.0 + 0.02 * north, 7.0 + 0.01 * north]).unwrap();
         assert!((scale.distance - 200.2).abs() < 0.01, "{scale:?}");
         assert!((scale.from_origin_percent - 0.5 * 5.0_f64.sqrt()).abs() < 1e-4, "{scale:?}");
         assert!(scale.reciprocal_percent < 1e-4, "{scale:?}");
-        // 1 % of the way to the east, whichever way it goes: most of it is left.
+        // An error of 1 % of the distance to the east, in both directions of travel: most of it remains.
         let drift = there_and_back(100, |_, way| [0.0, 0.01 * way]).unwrap();
         assert!((drift.from_origin_percent - 1.0).abs() < 1e-4, "{drift:?}");
         assert!(drift.reciprocal_percent > 0.7, "{drift:?}");

@@ -16,7 +16,7 @@ use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-/// Position, velocity and attitude at one instant. What the process does not have is `None`.
+/// Position, velocity and attitude at one instant. A quantity that the process does not have is `None`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Solution {
     /// The instant.
@@ -27,8 +27,8 @@ pub struct Solution {
     pub velocity: Option<(Vector3<f64>, Matrix3<f64>)>,
     /// Attitude q_nb and the covariance of its body-frame error \[rad²\].
     pub attitude: Option<(UnitQuaternion<f64>, Matrix3<f64>)>,
-    /// Covariance of the errors of position and of velocity (rows) with that of attitude; zero
-    /// where one of them is constant.
+    /// Covariance of the errors of position and of velocity (rows) with the error of attitude; zero if one
+    /// of them is constant.
     pub with_attitude: [Matrix3<f64>; 2],
 }
 
@@ -79,7 +79,7 @@ pub fn rpy_of(q: &UnitQuaternion<f64>, p: &Matrix3<f64>) -> (Vector3<f64>, Vecto
     let rpy = so3::to_rpy(q);
     let e = so3::euler_rate_of_body(rpy.x, rpy.y);
     let turned = e * p * e.transpose();
-    // An error about one axis only, down as a rule, leaves of the others what rounding makes of zero, of either sign.
+    // If there is an error about one axis only, usually down, the other variances are rounding errors of either sign.
     let rounding = 1e-12 * turned.trace();
     (rpy, turned.diagonal().map(|v| if v.abs() <= rounding { 0.0 } else { v.sqrt() }))
 }

@@ -59,7 +59,7 @@ impl SolutionReader {
 
     /// The solution of `belief`.
     pub fn read(&mut self, belief: &Belief) -> &Solution {
-        // What is derived is not known without the input: of a belief that was read from a file.
+        // Derived quantities need the input, which a belief read from a file does not have.
         let is_derived = belief.input.fits(self.process.input_dim());
         if self.from_signals && is_derived {
             self.signals.evaluate(self.process.as_ref(), &belief.x, &belief.input.get(), true);
@@ -84,7 +84,7 @@ fn known<M: Manifold>(quantity: Option<&Quantity<M>>, is_derived: bool) -> Optio
     quantity.filter(|q| is_derived || !matches!(q, Quantity::Signal(_)))
 }
 
-/// Value and covariance of a quantity; of one that is constant, zero.
+/// Value and covariance of a quantity; the covariance of a constant is zero.
 fn read<M: Manifold>(signals: &SignalBuffer, belief: &Belief, of: Option<&Quantity<M>>, out: &mut Option<(M::Value, Matrix3<f64>)>) {
     let Some(quantity) = of else {
         *out = None;
@@ -100,7 +100,7 @@ fn read<M: Manifold>(signals: &SignalBuffer, belief: &Belief, of: Option<&Quanti
     }
 }
 
-/// Covariance of the error of `of` (rows) with that of `attitude`; zero where one of them is constant.
+/// Covariance of the error of `of` (rows) with the error of `attitude`; zero if one of them is constant.
 fn between<M: Tangent<3>>(
     signals: &SignalBuffer,
     belief: &Belief,

@@ -9,8 +9,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use std::sync::Arc;
 
 /// Gives the mean angular rate w_nb_b from one estimate to the next, as the process moves the attitude under
-/// its input: by measured rates less their estimated errors, where it has them. What a measurement corrects
-/// is no turn of the body, so that a difference of two estimates is none either, unless they were smoothed.
+/// its input: by measured rates minus their estimated errors, if it has them. A correction by a measurement
+/// is not a rotation of the body. So the difference of two estimates is a rotation only if they were smoothed.
 #[derive(Debug)]
 pub(crate) struct Turning {
     process: Arc<dyn Process>,
@@ -26,7 +26,7 @@ pub(crate) struct Turning {
 fusion_core::memory!(Turning { previous, x; process, attitude, signals, moved });
 
 impl Turning {
-    /// Of the beliefs of `layout` under `process`.
+    /// For the beliefs of `layout` under `process`.
     pub(crate) fn new(layout: &Layout, process: Arc<dyn Process>) -> Self {
         Self {
             process,
@@ -43,8 +43,8 @@ impl Turning {
         self.previous = None;
     }
 
-    /// The rate \[rad/s\] since the belief before, from which its input led here; none for the first, and without
-    /// an attitude. Of a belief that does not know its input the rate is that between the two attitudes.
+    /// The rate \[rad/s\] since the previous belief, by the input of `belief`; `None` for the first belief, and without
+    /// an attitude. If `belief` does not have its input, the rate follows from the two attitudes.
     pub(crate) fn rate(&mut self, belief: &Belief) -> Option<Vector3<f64>> {
         let attitude = self.attitude.as_ref()?;
         let dt = self

@@ -1,5 +1,5 @@
-//! Who steers the vehicle where it is not the filter that is run: another variant of the design, which runs
-//! first, and whose commands are given again.
+//! A vehicle that is not steered by the filter of the run, but by another variant of the design. That variant runs
+//! first, and its commands are repeated.
 
 use super::simulated::{SimulatedRows, drawn_start};
 use crate::assembly::{assemble, declared_streams};
@@ -11,13 +11,13 @@ use crate::rows::Row;
 use fusion_core::runner::Event;
 use fusion_models::sim::{REFERENCE, Script};
 
-/// What the design itself is called among its variants.
+/// The name of the design itself among its variants.
 const BASE: &str = "base";
 
-/// The commands that the variant which steers the vehicle of `design` gives, where it is another one.
+/// The commands of the variant that steers the vehicle of `design`; `None` if the design steers it itself.
 ///
 /// # Errors
-/// There is no such variant, it is steered by another one itself, or its own mistakes.
+/// The variant does not exist, leaves the steering to another variant, or has mistakes.
 pub(super) fn script(design: &Design, simulation: &Named<SimulationDesign>, seed: Option<u64>) -> Result<Option<Script>, Diagnostics> {
     let Some(name) = &simulation.block.world.steered_by else {
         return Ok(None);
@@ -46,7 +46,7 @@ pub(super) fn script(design: &Design, simulation: &Named<SimulationDesign>, seed
     Ok(rows.script())
 }
 
-/// The filter that steers the vehicle of `design` itself; none where nothing is steered, or another variant steers.
+/// The filter that steers the vehicle of `design` itself; `None` if nothing is steered, or if another variant steers.
 ///
 /// # Errors
 /// Mistakes of the declared world.

@@ -2,9 +2,9 @@
 //!
 //! Names    a stream has the name of the source that its sensor reads; where several sensors read one source, the
 //!          first has its name, and the others have those of the sensors
-//! Numbers  in full precision, so that the filter over the log does what it does in simulation; latitude and
-//!          longitude in degrees, all else in SI, units in the headers
-//! Steered  a vehicle that the filter steers goes where the filter over the same rows leads it
+//! Numbers  in full precision, so that the filter gives the same results from the log as in simulation; latitude
+//!          and longitude in degrees, all else in SI, units in the headers
+//! Steered  a vehicle that the filter steers follows the commands of the filter over the same rows
 
 use super::{REFERENCE, SimulatedRows, pilot};
 use crate::assembly::{StreamChannel, StreamLayout, assemble, declared_streams};
@@ -35,11 +35,11 @@ pub struct LoggedStream {
 }
 
 /// Writes the rows of `design`'s simulated world into `folder`, a file for each stream, and [`LOG_DESIGN`] there, which
-/// reads them; `seed` stands instead of the design's.
+/// reads them; `seed` replaces that of the design.
 ///
 /// # Errors
-/// A design without a simulated world; mistakes of the world, and of the filter where that steers; a row with a number
-/// that is none; a file that cannot be written.
+/// A design without a simulated world; mistakes of the world, and of the filter if it steers; a row with a number that
+/// is not finite; a file that cannot be written.
 pub fn record(design: &Design, folder: &Path, seed: Option<u64>) -> Result<Vec<LoggedStream>, Diagnostics> {
     let Some(simulation) = &design.simulation else {
         let help = "it has a log already: `[simulation]` declares a world";
@@ -168,7 +168,7 @@ fn columns(channel: &StreamChannel) -> Vec<String> {
     }
 }
 
-/// What a source says of a channel.
+/// The declaration of a channel in its source.
 fn declaration(channel: &StreamChannel) -> String {
     let columns: Vec<String> = columns(channel).iter().map(|column| format!("\"{column}\"")).collect();
     match (channel.shape, &columns[..]) {
@@ -213,7 +213,7 @@ fn reading(design: &Design, streams: &[StreamLayout], names: &[String]) -> Resul
     Ok(text)
 }
 
-/// Where the design names a source that has another name in the log, and that name.
+/// The paths at which the design names a source that has another name in the log, with that name.
 fn renamed<'a>(design: &Design, streams: &[StreamLayout], names: &'a [String]) -> Vec<(String, &'a str)> {
     let mut renamed = Vec::new();
     for sensor in &design.sensors {
@@ -234,7 +234,7 @@ fn renamed<'a>(design: &Design, streams: &[StreamLayout], names: &'a [String]) -
         .map(|i| (format!("initial.{}", i.name), &i.node, i.block.inputs()));
     for (path, node, inputs) in stages.chain(initialisers) {
         for Listen { source, channels } in inputs {
-            // As in simulation: of the streams of this source the first that has the channels.
+            // As in simulation: the first stream of this source that has the channels.
             let has = |stream: &StreamLayout| channels.iter().all(|wanted| stream.channels.iter().any(|c| c.name == wanted.name));
             let stream = streams
                 .iter()

@@ -33,10 +33,10 @@ pub struct SimulatedRows {
     steers: Option<Time>,
 }
 
-/// Where the rows of a simulated stream go, and through what.
+/// The destination of the rows of a simulated stream, and the faults on the way.
 #[derive(Debug)]
 struct Outlet {
-    /// The stream of the assembly; `None` where nothing reads it.
+    /// The stream of the assembly; `None` if no block reads it.
     stream: Option<StreamId>,
     faults: FaultChain,
     /// Rows simulated so far.
@@ -86,7 +86,7 @@ impl SimulatedRows {
         })
     }
 
-    /// Goes by what runs of the same design with other seeds have in common; no row has been asked for yet.
+    /// Uses the data that runs of the same design with other seeds have in common. Call it before the first row.
     #[must_use]
     pub fn share(self, course: &SharedCourse) -> Self {
         Self {
@@ -128,12 +128,12 @@ impl SimulatedRows {
             let (from, time) = match self.simulator.next_row(&mut self.values) {
                 Some(Next::Row(from, time)) => (from, time),
                 Some(Next::Control(now)) => {
-                    // What arrives by then comes first.
+                    // Rows that arrive by then come first.
                     self.outlets.iter_mut().for_each(|outlet| outlet.faults.reach(now));
                     self.steers = Some(now);
                     continue;
                 }
-                // After the end of the log what is still on its way arrives.
+                // After the end of the log, the delayed rows arrive.
                 None if self.outlets.iter().all(|outlet| outlet.faults.is_idle()) => return None,
                 None => {
                     self.outlets.iter_mut().for_each(|outlet| outlet.faults.reach(Time::MAX));
@@ -151,12 +151,12 @@ impl SimulatedRows {
         }
     }
 
-    /// The commands that a vehicle has had, where it is steered.
+    /// The commands that the vehicle has received, if it is steered.
     pub(super) fn script(&self) -> Option<Script> {
         self.simulator.script()
     }
 
-    /// The part of a pose that steers: where the vehicle's reference point is taken to be.
+    /// The part of a pose that is used for steering: the estimated position of the vehicle's reference point.
     fn seen(&self, now: Time, pose: &Pose) -> Seen {
         let position = self.frame.to_ned(&pose.position) - pose.attitude * self.unit;
         Seen {
@@ -167,7 +167,7 @@ impl SimulatedRows {
     }
 }
 
-/// A vehicle is steered by an estimate that knows where it is and where it heads.
+/// Checks that the estimate has a position and a heading, which steering needs.
 fn check_estimate(simulation: &Named<SimulationDesign>, assembly: &Assembly) -> Result<(), Diagnostics> {
     let layout = &assembly.layout;
     let missing = if layout.quantity(state::POSITION).is_err() {
@@ -224,7 +224,7 @@ fn seed_of(design: &Design, world: &SimulationSpec, given: Option<u64>) -> u64 {
     given.unwrap_or(if world.seed == 0 { design.run.seed } else { world.seed })
 }
 
-/// What draws the start of the filter about the truth, where the world is declared to.
+/// The initialiser that draws the start of the filter about the truth, if the world declares it.
 ///
 /// # Errors
 /// Mistakes of the declared world.
@@ -250,8 +250,8 @@ pub(crate) fn drawn_start(
     }))
 }
 
-/// The simulator of the declared world, with the sensors of the assembly that it simulates; where the design says
-/// what is truly other, with those of the true design.
+/// The simulator of the declared world, with the simulated sensors of the assembly. If the design declares true
+/// values, it has the sensors of the true design.
 fn simulator(
     design: &Design,
     simulation: &Named<SimulationDesign>,
@@ -276,7 +276,7 @@ fn simulator_of(
     let Some(origin) = design.run.origin else {
         return Err(no_origin(simulation).into());
     };
-    // Of one whose rows are sensors of their own, the first.
+    // If the rows of a sensor are separate sensors, the first of them.
     let first = |number: usize| assembly.sensors.iter().find(|info| info.design == number);
     let sensors = design
         .sensors

@@ -10,7 +10,7 @@ use fusion_models::block::imu_channels;
 use fusion_models::fault::Outcome;
 use fusion_models::fault::{FaultContext, derive_seed};
 
-/// Ten seconds of rest; `imu` stands beside the rate of the unit.
+/// Ten seconds at rest; `imu` is added to the fields of the IMU.
 fn design(process: &str, imu: &str) -> Design {
     let text = format!(
         "[run]

@@ -1,4 +1,4 @@
-//! How the errors of a run go on over time, in bins that the runs of a campaign share.
+//! The errors of a run over time, in bins that the runs of a campaign share.
 
 use fusion::design::Design;
 use fusion::observe::{RunEvent, RunObserver};
@@ -6,25 +6,25 @@ use fusion::score::{Deviation, EpochError, nees_of};
 use fusion_core::runner::Halt;
 use fusion_core::time::Time;
 
-/// Bins at most, and the first width of one \[ns\]; it doubles when they are too many.
+/// The maximum number of bins, and the first width of a bin \[ns\]; it doubles when there are too many.
 const BINS: i64 = 512;
 const WIDTH: i64 = 100_000_000;
 
 /// The errors of position, velocity and attitude in a run, in bins of time.
 ///
-/// A bin is as wide as a power of two tenths of a second and begins at a multiple of its width, so that those of
-/// two runs match.
+/// The width of a bin is a power of two times a tenth of a second. A bin begins at a multiple of its width, so that the
+/// bins of two runs match.
 #[derive(Clone, Debug)]
 pub struct History {
     width: i64,
     /// The number of the first bin.
     first: i64,
     bins: Vec<Bin>,
-    /// The attitude error is the rotation to the reference: nothing where a mounting between the two is unknown.
+    /// The attitude error is the rotation to the reference; false if the mounting between the two is unknown.
     has_attitude: bool,
 }
 
-/// What is known of position, velocity, attitude in a bin.
+/// The errors of position, velocity, attitude in a bin.
 #[derive(Clone, Copy, Debug, Default)]
 struct Bin([OfQuantity; 3]);
 
@@ -33,7 +33,7 @@ struct OfQuantity {
     count: f64,
     /// Sum of the squared lengths of the error.
     squares: f64,
-    /// The first NEES, with its degrees of freedom: one per run and bin is independent of that of other runs.
+    /// The first NEES and its degrees of freedom: one per run and bin is independent of other runs.
     nees: Option<(f64, usize)>,
 }
 
@@ -46,7 +46,7 @@ impl OfQuantity {
         }
     }
 
-    /// Takes what came later.
+    /// Adds a later part.
     fn join(&mut self, later: &Self) {
         self.count += later.count;
         self.squares += later.squares;
@@ -55,7 +55,7 @@ impl OfQuantity {
 }
 
 impl History {
-    /// Of a run of `design`, without an error yet.
+    /// For a run of `design`, still without errors.
     #[must_use]
     pub fn new(design: &Design) -> Self {
         Self {
@@ -73,7 +73,7 @@ impl History {
         if self.bins.is_empty() {
             self.first = bin;
         }
-        // Epochs come in order of time.
+        // Epochs come in time order.
         while bin - self.first >= BINS {
             self.widen();
             bin = time.nanos().div_euclid(self.width);
@@ -89,7 +89,7 @@ impl History {
         }
     }
 
-    /// Makes bins twice as wide.
+    /// Doubles the width of the bins.
     fn widen(&mut self) {
         let first = self.first.div_euclid(2);
         let mut wide: Vec<Bin> = Vec::new();
@@ -119,19 +119,19 @@ impl RunObserver for History {
     }
 }
 
-/// What runs together have in a bin.
+/// The errors of several runs in a bin.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Together {
     /// The middle of the bin \[s\].
     pub time: f64,
-    /// RMS of the length of the error in the bin, of every run that has one, in ascending order: metres, metres per
+    /// The RMS length of the error in the bin, for every run that has one, in ascending order: metres, metres per
     /// second, or radians.
     pub errors: Vec<f64>,
-    /// Mean NEES over the runs with the most degrees of freedom, these, and how many runs they are.
+    /// The mean NEES over the runs with the most degrees of freedom, these degrees, and the number of these runs.
     pub nees: Option<(f64, usize, usize)>,
 }
 
-/// The bins of quantity number `quantity`, position, velocity or attitude, over all runs.
+/// The bins over all runs of one quantity: position, velocity or attitude, by number.
 #[must_use]
 pub fn together(histories: &[History], quantity: usize) -> Vec<Together> {
     let width = histories.iter().map(|h| h.width).max().unwrap_or(WIDTH);
@@ -161,7 +161,7 @@ impl Together {
         Self { time, errors, nees }
     }
 
-    /// The quantile of the errors at `share`, that between two runs interpolated.
+    /// The quantile of the errors at `share`, interpolated between two runs.
     #[must_use]
     pub fn quantile(&self, share: f64) -> f64 {
         let Some(last) = self.errors.len().checked_sub(1) else {
@@ -209,7 +209,7 @@ mod tests {
 
     #[test]
     fn bins_double_and_those_of_runs_of_other_lengths_match() {
-        // 100 s need bins of 0.2 s, 30 s of 0.1 s: together they have those of the longer.
+        // 100 s need bins of 0.2 s, 30 s of 0.1 s: together they use the bins of the longer run.
         let (long, short) = (history(-20.0, 100.0, |_| 2.0), history(0.0, 30.0, |_| 6.0));
         assert_eq!((long.width, short.width), (2 * WIDTH, WIDTH));
         let all = together(&[long, short], 0);
@@ -218,7 +218,7 @@ mod tests {
         assert_eq!(at(-10.05).errors, [2.0]);
         assert_eq!(at(10.05).errors, [2.0, 6.0]);
         assert_eq!((at(10.05).quantile(0.5), at(10.05).quantile(1.0)), (4.0, 6.0));
-        // 4/4 and 36/4, of three numbers each.
+        // 4/4 and 36/4, three degrees of freedom each.
         assert_eq!(at(10.05).nees, Some((5.0, 3, 2)));
         assert!(together(&[], 0).is_empty());
     }

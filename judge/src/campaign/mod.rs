@@ -19,15 +19,15 @@ use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-/// What is kept of one Monte Carlo run. No timing, so that it is a function of its seed. An error
-/// that has no reference is NaN.
+/// The result of one Monte Carlo run. It has no timing, so that it is a function of its seed. An error without a
+/// reference is NaN.
 #[derive(Clone, Debug, Serialize)]
 pub struct RunRow {
     /// Its number.
     pub run: u64,
     /// Its seed.
     pub seed: u64,
-    /// Estimates of the filter.
+    /// The number of filter epochs.
     pub epochs: u64,
     /// Position error RMS, north east down \[m\].
     pub rms: [f64; 3],
@@ -43,35 +43,36 @@ pub struct RunRow {
     pub rotation_rmse: f64,
     /// NEES of position, velocity, attitude.
     pub nees: [Option<Consistency>; 3],
-    /// The score in declared episodes and outside them.
+    /// The score inside and outside declared episodes.
     pub episodes: Option<Episodes>,
     /// RMS over declared outages of the largest horizontal error \[m\].
     pub drift_rms: Option<f64>,
-    /// The change of the horizontal error in % of the way travelled, from the origin.
+    /// The change of the horizontal error in % of the distance travelled, from the origin.
     pub drift_percent: Option<f64>,
-    /// What the filter said of itself.
+    /// The health that the filter reported.
     pub health: RunHealth,
-    /// Whether it has converged; none where the design does not say when a run has.
+    /// Whether it has converged; `None` if the design does not declare a criterion.
     pub convergence: Option<Convergence>,
     /// Each block of the state against its drawn truth.
     pub blocks: Vec<BlockScore>,
-    /// What became of the measurements of each sensor.
+    /// The outcomes of the measurements of each sensor.
     pub sensors: Vec<SensorStatistics>,
-    /// How well a controlled vehicle did what it was to do; none where nothing is steered.
+    /// The performance of a controlled vehicle; `None` if no vehicle is controlled.
     pub control: Option<Record>,
-    /// Samples of the input that were taken for spikes.
+    /// Input samples that were treated as spikes.
     pub spikes: u64,
     /// The drift in each declared outage.
     pub drift: Vec<Drift>,
-    /// What to look at next.
+    /// The findings, most important first.
     #[serde(skip)]
     pub findings: Vec<Finding>,
 }
 
-/// What the filter of a run said of itself.
+/// The health that the filter of a run reported.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct RunHealth {
-    /// The worst state since the filter was good for the first time; of one that never was, the worst of all.
+    /// The worst state since the filter was good for the first time; for a filter that never was good, the worst of
+    /// all.
     #[serde(serialize_with = "fusion::health::word")]
     pub worst: State,
     /// The state at the end.
@@ -79,7 +80,7 @@ pub struct RunHealth {
     pub at_the_end: State,
     /// Share of the time in a state worse than aligning.
     pub ill: f64,
-    /// Whether it was degraded or lost within declared outages alone.
+    /// Whether it was degraded or lost only within declared outages.
     pub as_declared: bool,
 }
 
@@ -88,7 +89,7 @@ impl RunHealth {
         let total = health.spent.total();
         let worse = State::ALL.into_iter().filter(|s| *s > State::Aligning);
         Self {
-            // One that never was good is aligning at best, whatever else holds.
+            // A filter that was never good is aligning at best.
             worst: if health.aligned.is_some() {
                 health.worst
             } else {
@@ -141,41 +142,41 @@ impl RunRow {
 pub struct Campaign {
     /// One row per run, in order of their numbers; all of them have the same sensors and blocks.
     pub rows: Vec<RunRow>,
-    /// How far the runs are independent of each other.
+    /// How independent the runs are.
     pub independence: Independence,
-    /// How fast it was.
+    /// Its speed.
     pub pace: Pace,
-    /// What the runs were made of; its seed is that of the campaign.
+    /// The inputs of the runs; the seed belongs to the campaign.
     pub provenance: Provenance,
-    /// The design's own line about itself.
+    /// The line with which the design describes itself.
     pub description: String,
 }
 
-/// How fast a campaign was, all of it: simulating or reading the data, filtering, scoring.
+/// The speed of the whole campaign: simulating or reading the data, filtering, scoring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pace {
     /// Epochs of the filter, over all runs.
     pub epochs: u64,
-    /// By the clock \[s\].
+    /// Wall-clock time \[s\].
     pub seconds: f64,
-    /// Threads.
+    /// The number of threads.
     pub threads: usize,
 }
 
 impl Pace {
-    /// Epochs of the filter per second, of all threads together.
+    /// Filter epochs per second, over all threads.
     #[must_use]
     pub fn per_second(&self) -> f64 {
         self.epochs as f64 / self.seconds
     }
 }
 
-/// How far the runs of a campaign are independent of each other.
+/// How independent the runs of a campaign are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Independence {
-    /// Each run is a world of its own.
+    /// Each run draws its own world.
     Full,
-    /// The runs share a recorded log: its motion and its errors are the same in all of them.
+    /// The runs share a recorded log: its motion and its errors are the same in all runs.
     SharedLog,
     /// All runs are the same: nothing in the design is random. They count as one.
     Identical,
@@ -189,7 +190,7 @@ impl Independence {
                 seed: rows[0].seed,
                 ..row.clone()
             };
-            // By what is printed: NaN is not equal to itself.
+            // Compared as printed text, because NaN is not equal to itself.
             format!("{compared:?}") == format!("{:?}", rows[0])
         };
         match rows {
@@ -200,17 +201,17 @@ impl Independence {
     }
 }
 
-/// The seed of run number `run`: it depends on nothing else.
+/// The seed of run number `run`: it depends only on `seed` and `run`.
 #[must_use]
 pub fn seed_of(seed: u64, run: u64) -> u64 {
     fusion_models::fault::derive_seed(seed, &["run", &run.to_string()])
 }
 
-/// Runs the design `count` times, each with a seed of its own; on `threads` threads, 0 for as
-/// many as there are cores. The rows do not depend on the number of threads.
+/// Runs the design `count` times, each time with its own seed, on `threads` threads (0: one per core). The rows do not
+/// depend on the number of threads.
 ///
 /// # Errors
-/// What the first failing run reports.
+/// The diagnostics of the first failing run.
 pub fn monte_carlo(
     design: &Design,
     options: &Options,
@@ -226,7 +227,7 @@ pub fn monte_carlo(
 /// The same, with the errors of every run over time.
 ///
 /// # Errors
-/// Those of [`monte_carlo`].
+/// The same as for [`monte_carlo`].
 pub fn monte_carlo_over_time(
     design: &Design,
     options: &Options,
@@ -239,7 +240,7 @@ pub fn monte_carlo_over_time(
     runs_of(design, options, (count, seed), threads, progress, history)
 }
 
-/// The runs, and those of their histories that are wanted.
+/// The runs, and the histories that are wanted.
 fn runs_of(
     design: &Design,
     options: &Options,
@@ -258,7 +259,7 @@ fn runs_of(
             seed: Some(seed),
             data: options.data.clone(),
             base: options.base.clone(),
-            // No row of a campaign tells of it.
+            // No row of a campaign uses it.
             smooth: Smoothing::Never,
             ..Options::default()
         };
@@ -292,15 +293,14 @@ fn runs_of(
 pub struct Duel {
     /// Runs with the smaller error.
     pub better: usize,
-    /// Those with the larger one.
+    /// Runs with the larger error.
     pub worse: usize,
-    /// Those that both have; the rest are equal.
+    /// Runs that both campaigns have; the rest are equal.
     pub runs: usize,
 }
 
 impl Duel {
-    /// The 95 % interval of the share of runs that are better, of those that differ: Wilson 1927. None where all are
-    /// equal.
+    /// The 95 % interval of the share of better runs among those that differ: Wilson 1927. `None` if all are equal.
     #[must_use]
     pub fn interval(&self) -> Option<(f64, f64)> {
         crate::stress::draw::wilson(self.better, self.better + self.worse)
@@ -329,18 +329,18 @@ pub struct Pooled {
     pub position: Option<f64>,
     /// Mean NEES of position, velocity, attitude over its degrees of freedom: 1 is ideal.
     pub nees: [Option<f64>; 3],
-    /// Mean over the runs of the change of the horizontal error in % of the way travelled.
+    /// Mean over the runs of the change of the horizontal error in % of the distance travelled.
     pub drift_percent: Option<f64>,
     /// RMS over the outages of all runs of the largest horizontal error \[m\].
     pub drift: Option<f64>,
     /// Share of the runs that have converged, as the design declares it.
     pub converged: Option<f64>,
-    /// Median over the runs that have of the time from the start to there \[s\].
+    /// Median time from the start to convergence, over the converged runs \[s\].
     pub after: Option<f64>,
 }
 
 impl Campaign {
-    /// The figures of all runs together. Every run counts alike.
+    /// The figures of all runs together. Every run has the same weight.
     #[must_use]
     pub fn pooled(&self) -> Pooled {
         let mean = |values: &mut dyn Iterator<Item = f64>| {
@@ -348,7 +348,7 @@ impl Campaign {
             (count > 0.0).then_some(sum / count)
         };
         let rms = |figure: fn(&RunRow) -> f64| mean(&mut self.rows.iter().map(|row| figure(row).powi(2))).map(f64::sqrt);
-        // A run in which the filter never started has none, and has not converged.
+        // A run in which the filter never started has no figure, and has not converged.
         let runs = || self.rows.iter().filter_map(|row| row.convergence);
         let (declared, converged) = (runs().next().is_some(), || runs().filter(|c| c.converged));
         Pooled {
@@ -365,8 +365,8 @@ impl Campaign {
         }
     }
 
-    /// In how many runs some figure, an error, is smaller than in the runs of `other` with the same seeds. None where
-    /// the two have no run in common that has one.
+    /// The number of runs in which a figure, an error, is smaller than in the run of `other` with the same seed. `None`
+    /// if the campaigns have no common run with this figure.
     #[must_use]
     pub fn against(&self, other: &Self, error: impl Fn(&RunRow) -> f64) -> Option<Duel> {
         let pair = |row: &RunRow| {
@@ -382,12 +382,12 @@ impl Campaign {
         (duel.runs > 0).then_some(duel)
     }
 
-    /// The runs whose worst state was this one, but for those that were in ill health within declared outages alone.
+    /// The runs with this worst state, except those that were in ill health only within declared outages.
     pub fn undeclared(&self, state: State) -> impl Iterator<Item = &RunRow> {
         self.with_worst(state).filter(|row| !row.health.as_declared)
     }
 
-    /// The declared outages of all runs, in order of their beginnings, each with its drift in every run that has it.
+    /// The declared outages of all runs, in order of their start, each with its drift in every run that has it.
     #[must_use]
     pub fn outages(&self) -> Vec<Vec<Drift>> {
         let mut all: Vec<Vec<Drift>> = Vec::new();
@@ -401,8 +401,8 @@ impl Campaign {
         all
     }
 
-    /// The run in the middle by its position error, or by its attitude error where no run has a position; the first one where
-    /// nothing tells.
+    /// The median run by its position error, or by its attitude error if no run has a position. Without
+    /// both, it is the first run.
     #[must_use]
     pub fn middle(&self) -> Option<&RunRow> {
         let by = |error: fn(&RunRow) -> f64| {
@@ -415,8 +415,8 @@ impl Campaign {
             .or(self.rows.first())
     }
 
-    /// What to look at next by the run in the middle, in how many runs something was said of the same: of at least half of them,
-    /// for what fewer say is chance, or an accident of theirs.
+    /// The findings of the median run, each with the number of runs that have a finding about the same thing. Findings
+    /// of less than half of the runs are omitted: they are chance.
     #[must_use]
     pub fn findings(&self) -> Vec<(&Finding, usize)> {
         let said_by = |about: &str| self.rows.iter().filter(|row| row.findings.iter().any(|f| f.about == about)).count();
@@ -425,12 +425,12 @@ impl Campaign {
         counted.filter(|(_, runs)| 2 * runs >= self.rows.len()).collect()
     }
 
-    /// The runs whose worst state was this one.
+    /// The runs with this worst state.
     pub fn with_worst(&self, state: State) -> impl Iterator<Item = &RunRow> {
         self.rows.iter().filter(move |row| row.health.worst == state)
     }
 
-    /// The spread over the runs of some figure of a run; `None` without finite figures.
+    /// The spread over the runs of a figure; `None` without finite figures.
     #[must_use]
     pub fn spread(&self, figure: impl Fn(&RunRow) -> f64) -> Option<Spread> {
         let values: Vec<f64> = self.rows.iter().map(figure).filter(|v| v.is_finite()).collect();
@@ -449,8 +449,8 @@ impl Campaign {
         })
     }
 
-    /// Judges the mean over the runs of a statistic that each run averages over time. Runs that are
-    /// not independent have together no more independent samples than one of them.
+    /// Judges the mean over the runs of a statistic that each run averages over time. Runs that are not independent
+    /// count together as the independent samples of one run.
     #[must_use]
     pub fn judge(&self, figure: impl Fn(&RunRow) -> Option<Consistency>) -> Option<Consistency> {
         let runs = self.rows.iter().filter_map(figure);
@@ -460,13 +460,13 @@ impl Campaign {
         }
     }
 
-    /// The blocks of every run, as the first one has them.
+    /// The blocks of every run, taken from the first run.
     #[must_use]
     pub fn blocks(&self) -> &[BlockScore] {
         self.rows.first().map_or(&[], |row| &row.blocks)
     }
 
-    /// The sensors of every run, as the first one has them.
+    /// The sensors of every run, taken from the first run.
     #[must_use]
     pub fn sensors(&self) -> &[SensorStatistics] {
         self.rows.first().map_or(&[], |row| &row.sensors)

@@ -9,11 +9,11 @@ use std::io::{self, Write};
 impl Campaign {
     /// Writes runs.csv: one row per run and no timing, the same file for any number of threads.
     ///
-    /// Innovations are in SI units, per residual row from 1. A cell is empty where there is
-    /// nothing to say: `missed` and `false` of a sensor that no declared fault disturbs, say.
+    /// Innovations are in SI units, per residual row from 1. A cell without a value is empty, such as `missed` and
+    /// `false` for a sensor without declared faults.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// The errors of the writer.
     pub fn write(&self, out: impl Write) -> io::Result<()> {
         let mut cells = Cells::new(out);
         cells.texts(["run", "seed", "rms_n_m", "rms_e_m", "rms_d_m", "max_n_m", "max_e_m", "max_d_m"])?;
@@ -56,7 +56,7 @@ impl Campaign {
     }
 }
 
-/// A number, or an empty cell where there is none.
+/// A number, or an empty cell if it is not finite.
 fn real(cells: &mut Cells<impl Write>, value: f64) -> io::Result<()> {
     if value.is_finite() {
         cells.put(format_args!("{value:.9e}"))
@@ -65,8 +65,8 @@ fn real(cells: &mut Cells<impl Write>, value: f64) -> io::Result<()> {
     }
 }
 
-/// The columns of a block of the state in runs.csv: its NEES, and per axis from 1 its last error and
-/// the filter's 1σ of it, SI.
+/// The columns of a block of the state in runs.csv: its NEES, then for each axis from 1 its last error and its 1σ by
+/// the filter, SI.
 fn block_header(cells: &mut Cells<impl Write>, block: &BlockScore) -> io::Result<()> {
     cells.put(format_args!("{}_nees", block.name))?;
     (1..=block.error.len()).try_for_each(|k| {

@@ -1,6 +1,6 @@
-//! From the catalogue to the cases of a design: which fault on which stream, how large, when.
+//! The cases of a design from the catalogue: which fault on which stream, its size, its time.
 //!
-//! A case is what `--set` would add to the design, so that each can be repeated by `fusion run`.
+//! A case is the settings that `--set` adds to the design, so that `fusion run` can repeat it.
 
 use super::catalogue::{Catalogue, Each, Extent, Kind};
 use super::survey::Survey;
@@ -20,55 +20,55 @@ use fusion_tables::Unit;
 pub struct Case {
     /// Its name in the catalogue; both names of a pair.
     pub fault: String,
-    /// The stream, and the channel where only one is disturbed.
+    /// The stream, and the channel if only one is disturbed.
     pub on: String,
-    /// How large it is, where that is a quantity.
+    /// The size, if it is a quantity.
     pub size: String,
-    /// What `--set` adds to the design.
+    /// The settings that `--set` adds to the design.
     pub sets: Vec<String>,
-    /// When the first fault begins.
+    /// The start of the first fault.
     pub from: Time,
-    /// When the last one ends; `from` where one stays for good.
+    /// The end of the last fault; `from` if a fault lasts for good.
     pub to: Time,
-    /// How long the filter may be wrong with its health good \[s\].
+    /// The time that the filter may be wrong while its health is good \[s\].
     pub recovery: f64,
-    /// Whether the design declares that it fails.
+    /// Whether the design declares that this case fails.
     pub is_known: bool,
-    /// The streams that are disturbed.
+    /// The disturbed streams.
     pub(super) streams: Vec<usize>,
 }
 
-/// A fault on a stream or on a channel of it, but for the time.
+/// A fault on a stream or on one of its channels, without its time.
 #[derive(Clone, Debug)]
 struct Single<'a> {
     kind: &'a Kind,
     stream: usize,
     on: String,
     size: String,
-    /// The path of the table of faults of the stream.
+    /// The path of the fault table of the stream.
     path: String,
-    /// The fields of the fault, but for the window.
+    /// The fields of the fault, without the window.
     fields: String,
 }
 
-/// The cases of a design, and the faults that fit nothing in it.
+/// The cases of a design, and the faults that do not fit it.
 pub(super) struct Cases {
     pub(super) cases: Vec<Case>,
     pub(super) unfit: Vec<String>,
 }
 
-/// A stream that is disturbed.
+/// A disturbed stream.
 pub(super) struct Target<'a> {
     pub(super) stream: usize,
     pub(super) layout: &'a StreamLayout,
-    /// The path of its table of faults.
+    /// The path of its fault table.
     pub(super) path: String,
     pub(super) is_input: bool,
     pub(super) channels: Vec<ProvidedChannel>,
 }
 
 impl Case {
-    /// The undisturbed run, watched as long as under a fault of half a minute.
+    /// The undisturbed run, watched as long as for a fault of half a minute.
     pub(super) fn undisturbed(at: Time) -> Self {
         Self::quiet(at, at.shifted(nanos(30.0)))
     }
@@ -89,7 +89,7 @@ impl Case {
     }
 }
 
-/// All cases of `catalogue` on `design`: each fault alone, then the pairs that `seed` draws.
+/// All cases of `catalogue` for `design`: each fault alone, then the pairs that `seed` draws.
 pub(super) fn cases(
     design: &Design,
     assembly: &Assembly,
@@ -168,7 +168,7 @@ pub(super) fn targets<'a>(design: &Design, assembly: &'a Assembly) -> Vec<Target
     targets
 }
 
-/// The channels that a fault disturbs one at a time; `None` is the whole row.
+/// The channels that a fault disturbs one by one; `None` is the whole row.
 fn channels(kind: &Kind, target: &Target<'_>) -> Vec<Option<usize>> {
     match kind.each {
         Each::Stream => vec![None],
@@ -176,7 +176,7 @@ fn channels(kind: &Kind, target: &Target<'_>) -> Vec<Option<usize>> {
     }
 }
 
-/// A fault of the catalogue on a channel or a stream; `None` where it does not fit there.
+/// A fault of the catalogue on a channel or a stream; `None` if it does not fit.
 fn single<'a>(
     design: &Design,
     assembly: &Assembly,
@@ -193,7 +193,7 @@ fn single<'a>(
         _ => name.clone(),
     };
     let sizes = if target.is_input { &kind.input } else { &kind.size };
-    // What has a size for sensors and none for the input, or the other way round, leaves the other alone.
+    // A fault with a size only for sensors, or only for the input, does not apply to the other.
     if sizes.is_empty() && !(kind.size.is_empty() && kind.input.is_empty()) {
         return Ok(None);
     }
@@ -223,7 +223,7 @@ fn single<'a>(
     }))
 }
 
-/// Whether the fault can be built on the stream; a mistake in its fields is one of the catalogue.
+/// Whether the fault can be built on the stream; a mistake in its fields is a mistake of the catalogue.
 fn fits(kind: &Kind, target: &Target<'_>, fields: &str) -> Result<bool, Diagnostics> {
     let mut d = Diagnostics::new();
     let text = format!("fault = {{ {fields}, window = {{ from = 0, to = 1 }} }}");
@@ -243,15 +243,15 @@ fn fits(kind: &Kind, target: &Target<'_>, fields: &str) -> Result<bool, Diagnost
     Ok(spec.is_some_and(|spec| spec.build(&context).is_ok()))
 }
 
-/// The scale of a channel per axis: what its sensors declare as 1σ, and no less than their innovations;
-/// otherwise what the stream shows.
+/// The scale of a channel per axis: the declared 1σ of its sensors, but at least their innovations. Without such a
+/// sensor, it follows from the rows of the stream.
 pub(super) fn scale(design: &Design, assembly: &Assembly, survey: &Survey, target: &Target<'_>, channel: usize) -> Vec<f64> {
     let c = &target.channels[channel].channel;
     let axes = c.degrees();
     let is_reader = |info: &&fusion::assembly::SensorInfo| {
         let names = [Some(target.layout.name.as_str()), target.layout.alias.as_deref()];
         let reads = info.channels.iter().any(|read| read.name == c.name);
-        // A simulated sensor has a stream of its own, with its name.
+        // A simulated sensor has its own stream, with its name.
         let is_own = design.simulation.is_none() || design.sensors[info.design].name == target.layout.name;
         reads && is_own && names.contains(&Some(info.stream.as_str())) && info.sigma.len() == axes
     };
@@ -284,7 +284,7 @@ fn displacement(channel: &Channel) -> Dimension {
     }
 }
 
-/// The unit of a field that is sized: that of a displacement, of a `rate` per second.
+/// The unit of a sized field: the unit of a displacement; for a `rate`, per second.
 pub(super) fn unit(channel: &Channel, field: &str) -> Unit {
     let plain = displacement(channel);
     let per_second = || plain.times(dim::Frequency::KIND.dimension);
@@ -292,7 +292,7 @@ pub(super) fn unit(channel: &Channel, field: &str) -> Unit {
     Unit::of_si(&dimension.to_string())
 }
 
-/// `multiple` times the scale, in a direction that `seed` draws.
+/// `multiple` times the scale, in a direction drawn with `seed`.
 pub(super) fn sized(scale: &[f64], multiple: f64, seed: u64) -> Vec<f64> {
     let unit = |k: usize| {
         let drawn = derive_seed(seed, &["axis", &k.to_string()]);
@@ -305,15 +305,15 @@ pub(super) fn sized(scale: &[f64], multiple: f64, seed: u64) -> Vec<f64> {
     by.collect()
 }
 
-/// With four digits: what is written into a design is meant to be read.
+/// Rounds to four digits: people read the values in a design.
 pub(super) fn digits(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
 
-/// The window of a fault on a stream from `at` on: rows are never at its ends. Behind the end of a
-/// stream it is its last row.
+/// The window of a fault on a stream from `at` on: rows are never at its ends. After the end of a stream, it covers the
+/// last row.
 fn window(kind: &Kind, times: &[Time], at: Time) -> (Time, Option<Time>) {
-    // A microsecond: seconds since 1970 are told as finely.
+    // A microsecond: the resolution of seconds since 1970.
     let between = |i: usize| match (i.checked_sub(1).and_then(|before| times.get(before)), times.get(i)) {
         (Some(a), Some(b)) => a.shifted(b.nanos().saturating_sub(a.nanos()) / 2),
         (_, Some(b)) => b.shifted(-1_000),
@@ -337,7 +337,7 @@ pub(super) fn seconds(t: Time) -> String {
     format!("\"{}.{:09} s\"", t.nanos().div_euclid(SECOND), t.nanos().rem_euclid(SECOND))
 }
 
-/// The case of one fault or of two, each from its own time on.
+/// The case of one fault or of two, each from its own start.
 fn case(parts: &[(&Single<'_>, Time)], survey: &Survey) -> Case {
     let joined = |of: for<'s> fn(&'s Single<'_>) -> &'s str| {
         let all: Vec<&str> = parts.iter().map(|(s, _)| of(s)).filter(|text| !text.is_empty()).collect();
@@ -370,13 +370,13 @@ fn case(parts: &[(&Single<'_>, Time)], survey: &Survey) -> Case {
     }
 }
 
-/// The pair of this number; `None` where there are no two faults.
+/// The pair with this number; `None` if there are fewer than two faults.
 fn pair(singles: &[Single<'_>], catalogue: &Catalogue, survey: &Survey, at: Time, seed: u64, number: u32) -> Option<Case> {
     let number = number.to_string();
     let draw = |what: &str| derive_seed(seed, &["pair", &number, what]);
     let index = |what: &str, n: usize| usize::try_from(draw(what) % (n.max(1) as u64)).unwrap_or(0);
     let first = index("first", singles.len());
-    // Any other one.
+    // Any other fault.
     let step = 1 + index("second", singles.len().saturating_sub(1));
     let second = singles.get((first + step) % singles.len().max(1))?;
     let first = singles.get(first).filter(|_| singles.len() > 1)?;

@@ -8,10 +8,10 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// The table of a design that is laid over the catalogue.
+/// The table of a design that overrides the catalogue.
 pub(crate) const TABLE: &str = "stress";
 
-/// The file that is built in.
+/// The built-in file.
 const BUILT_IN: &str = include_str!("catalogue.toml");
 
 /// What `fusion stress` applies, and how it judges.
@@ -41,7 +41,7 @@ pub struct CatalogueSpec {
     pub fault: BTreeMap<String, serde_json::Map<String, serde_json::Value>>,
 }
 
-/// What an entry says besides the fields of its fault.
+/// The fields of an entry that do not belong to its fault.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Placing {
@@ -55,7 +55,7 @@ struct Placing {
     known: Vec<String>,
 }
 
-/// What a fault disturbs.
+/// The target of a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Each {
@@ -66,12 +66,12 @@ pub(super) enum Each {
     Channel,
 }
 
-/// How long a fault lasts.
+/// The length of a fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Extent {
-    /// So many rows.
+    /// This number of rows.
     Rows(usize),
-    /// So many seconds.
+    /// This number of seconds.
     Seconds(f64),
     /// To the end of the log.
     ForGood,
@@ -83,20 +83,20 @@ pub(super) struct Kind {
     pub(super) name: String,
     pub(super) each: Each,
     pub(super) extent: Extent,
-    /// Fields in multiples of the scale, of a sensor's channel and of one of the process's input.
+    /// Fields in multiples of the scale: `size` for a sensor's channel, `input` for a channel of the process input.
     pub(super) size: BTreeMap<String, f64>,
     pub(super) input: BTreeMap<String, f64>,
     /// Seconds.
     pub(super) recovery: f64,
-    /// `type` and the fields that are as they stand, in TOML.
+    /// `type` and the unscaled fields, in TOML.
     pub(super) fields: Vec<(String, String)>,
     /// The streams or channels on which it is declared to fail.
     pub(super) known: Vec<String>,
-    /// Where it is declared.
+    /// The node where it is declared.
     pub(super) node: Node,
 }
 
-/// The faults that are applied, and how.
+/// The faults to apply, and how.
 #[derive(Clone, Debug)]
 pub struct Catalogue {
     pub(super) at: Option<f64>,
@@ -115,7 +115,7 @@ impl Catalogue {
         Document::parse("built-in catalogue", BUILT_IN).0
     }
 
-    /// Reads `file`, with the table `[stress]` of `design` laid over it.
+    /// Reads `file`, with the overrides of the table `[stress]` of `design`.
     ///
     /// # Errors
     /// All mistakes.
@@ -142,7 +142,7 @@ impl Catalogue {
         })
     }
 
-    /// The longest fault that ends, and the recovery after it \[s\].
+    /// The longest fault that ends, plus its recovery \[s\].
     pub(super) fn span(&self) -> f64 {
         let longest = self.kinds.iter().map(|kind| {
             let lasts = if let Extent::Seconds(seconds) = kind.extent { seconds } else { 0.0 };
@@ -154,7 +154,7 @@ impl Catalogue {
     /// Keeps the faults with these names; no names keep all.
     ///
     /// # Errors
-    /// A name that no fault has.
+    /// A name matches no fault.
     pub fn only(&mut self, names: &[String]) -> Result<(), Diagnostics> {
         let mut d = Diagnostics::new();
         let known: Vec<&str> = self.kinds.iter().map(|k| k.name.as_str()).collect();
@@ -170,18 +170,18 @@ impl Catalogue {
     /// Draws faults of these kinds; no names keep all.
     ///
     /// # Errors
-    /// A name that no kind has.
+    /// A name matches no kind.
     pub fn draw_only(&mut self, names: &[String]) -> Result<(), Diagnostics> {
         self.draw.only(names)
     }
 
-    /// With so many random pairs.
+    /// Sets the number of random pairs.
     pub const fn set_pairs(&mut self, pairs: u32) {
         self.pairs = pairs;
     }
 }
 
-/// An entry, where it is right and not left out.
+/// An entry, if it is valid and enabled.
 fn kind(entry: &Entry, recovery: f64, d: &mut Diagnostics) -> Option<Kind> {
     let mut own = entry.node.clone();
     let placing = own.split_off(&["enabled", "each", "rows", "duration", "size", "input", "recovery", "known"]);

@@ -1,4 +1,4 @@
-//! The error that a fault has caused, in σ.
+//! The error that a fault caused, in σ.
 //!
 //! For each axis of position and velocity (north, east, down) and of the attitude (body axes), with
 //! the error e against the reference, the error e₀ of the undisturbed run at the same epoch, and the
@@ -8,20 +8,19 @@
 //! min(|e|, |e − e₀|) / σ
 //! ```
 //!
-//! An estimate that is no further from the truth than 3σ is right; one that is no further than 3σ
-//! from the undisturbed estimate has not been harmed by the fault, be the undisturbed one right or
-//! not. Without a reference the undisturbed run is one: e₀ = 0. An axis that the filter does not
-//! estimate (a variance of exactly 0) does not count.
+//! An estimate within 3σ of the truth is right. An estimate within 3σ of the undisturbed estimate was not harmed by the
+//! fault, even if the undisturbed estimate is wrong. Without a reference, the undisturbed run replaces it: e₀ = 0. An
+//! axis that the filter does not estimate (a variance of exactly 0) does not count.
 
 use fusion::score::{Deviation, EpochError};
 use fusion_core::geometry::so3;
 use fusion_core::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// What an error is of.
+/// The quantities of the errors.
 pub(super) const GROUPS: [&str; 3] = ["position", "velocity", "attitude"];
 
-/// Greater ratios, and those without a finite σ, are shown as this.
+/// Larger ratios, and ratios without a finite σ, are shown as this.
 pub(super) const MOST: f64 = 1e12;
 
 /// Errors of position \[m\], velocity \[m/s\] and attitude \[rad\] at an epoch, with their σ.
@@ -33,12 +32,12 @@ pub(super) struct Errors {
 }
 
 impl Errors {
-    /// Those of an epoch; `mounting` is the rotation from the estimate's body to the reference's that
-    /// is taken out of the attitude errors.
+    /// The errors of an epoch. `mounting` is the rotation from the estimate's body to the reference's body; the
+    /// attitude errors exclude it.
     pub(super) fn of(error: &EpochError, mounting: &UnitQuaternion<f64>) -> Self {
         let attitude = error.attitude.map(|a| {
             let turned = (a.estimate * mounting).inverse() * a.truth;
-            // The covariance is in axes of the estimate's body, as the error is after this.
+            // The covariance is in body axes of the estimate, and so is the error after this.
             let e = mounting * so3::log(&turned);
             (e, sigma(&a.body))
         });
@@ -49,8 +48,8 @@ impl Errors {
         }
     }
 
-    /// The greatest error that is beyond the one of the undisturbed run too, in σ, and its group;
-    /// `None` where there is nothing to compare.
+    /// The largest error in σ that also exceeds the undisturbed error, and its group; `None` if there is no error to
+    /// compare.
     pub(super) fn worst(&self, undisturbed: Option<&Self>) -> Option<(f64, usize)> {
         let mut worst: Option<(f64, usize)> = None;
         for (k, group) in self.groups.iter().enumerate() {
@@ -66,8 +65,8 @@ impl Errors {
         worst
     }
 
-    /// The error of a group that the fault has caused: its worst axis in σ, and its length in SI units. `None` without an
-    /// error of the group.
+    /// The error of a group that the fault caused: its worst axis in σ, and its length in SI units. `None` if the group
+    /// has no error.
     pub(super) fn caused(&self, undisturbed: Option<&Self>, group: usize) -> Option<(f64, f64)> {
         let (e, sigma) = self.groups[group]?;
         let before = undisturbed.and_then(|u| u.groups[group]).map_or_else(Vector3::zeros, |(e, _)| e);
@@ -87,17 +86,17 @@ impl Errors {
     }
 }
 
-/// σ per axis: infinite where the filter does not estimate it, no number where a variance is negative,
-/// which must not look like certainty.
+/// σ per axis: infinite if the filter does not estimate it, NaN if a variance is negative, which must not look like
+/// certainty.
 fn sigma(d: &Deviation) -> Vector3<f64> {
     let estimated = d.is_estimated();
     let total = (d.own + d.reference).diagonal();
     Vector3::from_fn(|i, _| if estimated[i] { total[i].sqrt() } else { f64::INFINITY })
 }
 
-/// e/σ; an error that is not a number, or has no σ, is as large as can be.
+/// e/σ; an error that is NaN, or has no σ, gives the largest ratio.
 fn ratio(e: f64, sigma: f64) -> f64 {
-    /// Below it an error is rounding: a nanometre, a nanoradian.
+    /// A smaller error is rounding: a nanometre, a nanoradian.
     const NOTHING: f64 = 1e-9;
     if e <= NOTHING {
         return 0.0;
@@ -122,9 +121,9 @@ mod tests {
     fn an_error_counts_as_far_as_it_is_beyond_truth_and_undisturbed_run() {
         let worst = |e: f64, before: f64| errors(e, 2.0).worst(Some(&errors(before, 1.0)));
         assert_eq!(worst(8.0, 0.0), Some((4.0, 0)));
-        // The undisturbed run was as wrong: the fault has done nothing.
+        // The undisturbed run was equally wrong: the fault had no effect.
         assert_eq!(worst(8.0, 7.0), Some((0.5, 0)));
-        // The disturbed one happens to be right.
+        // The disturbed run happens to be right.
         assert_eq!(worst(1.0, 9.0), Some((0.5, 0)));
         assert_eq!(errors(-8.0, 2.0).worst(None), Some((4.0, 0)));
     }

@@ -8,8 +8,8 @@
 //!                          └──▶ watch: the disturbed run ◀┘──▶ outcome
 //! ```
 //!
-//! A filter fails a case if it is wrong beyond 3σ, or gives no estimate, for longer than its
-//! recovery time while its health is good. Being wrong and saying so is no failure.
+//! A filter fails a case if it is wrong beyond 3σ or gives no estimate, with good health, for longer than its recovery
+//! time. A filter that is wrong and reports it does not fail.
 
 mod cases;
 mod catalogue;
@@ -38,30 +38,30 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use survey::Survey;
 use watch::{Record, Watch};
 
-/// A case with what became of the filter.
+/// A case and its outcome.
 #[derive(Clone, Debug)]
 pub struct Row {
     /// The case.
     pub case: Case,
-    /// What became of the filter.
+    /// The outcome for the filter.
     pub outcome: Outcome,
 }
 
-/// What is to be said of a case.
+/// The verdict on a case, if it needs one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// The filter was wrong for too long without a word.
+    /// The filter was wrong for too long with good health.
     Failed,
-    /// So it was, and the design declares it.
+    /// The filter failed, and the design declares it.
     Known,
-    /// The design declares it, and it was not so.
+    /// The design declares a failure, but the filter passed.
     Passed,
-    /// It was, but nothing had a row any more by which the filter could know.
+    /// The filter failed, but no stream had a row from which it could notice this.
     NoClock,
 }
 
 impl Verdict {
-    /// As it is shown.
+    /// The verdict as it is shown.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -74,12 +74,12 @@ impl Verdict {
 }
 
 impl Row {
-    /// Whether the filter failed, or was declared to; `None` where all is well.
+    /// Whether the filter failed, or was declared to fail; `None` if all is well.
     #[must_use]
     pub fn verdict(&self) -> Option<Verdict> {
         let is_wrong = self.outcome.stopped.is_some() || self.outcome.unsaid > self.case.recovery;
         match (is_wrong, self.case.is_known) {
-            // What hears nothing cannot know that time goes on.
+            // A filter without any row cannot know that time passes.
             (true, _) if self.outcome.hears_nothing && self.outcome.stopped.is_none() => Some(Verdict::NoClock),
             (true, true) => Some(Verdict::Known),
             (true, false) => Some(Verdict::Failed),
@@ -92,33 +92,33 @@ impl Row {
 /// The result.
 #[derive(Clone, Debug)]
 pub struct Stress {
-    /// The design's own line about itself.
+    /// The line with which the design describes itself.
     pub description: String,
-    /// What was put under stress.
+    /// The inputs of the run.
     pub provenance: Provenance,
-    /// The undisturbed run, judged as the others are.
+    /// The undisturbed run, judged like the others.
     pub undisturbed: Row,
-    /// A row per case.
+    /// One row per case.
     pub rows: Vec<Row>,
     /// The moment of the faults.
     pub at: Time,
-    /// Whether it is apart from declared faults, with enough time to recover before the log ends.
+    /// Whether this moment is apart from declared faults, with enough time to recover before the log ends.
     pub is_free: bool,
-    /// Whether there is a reference; else the undisturbed run is one.
+    /// Whether there is a reference; otherwise the undisturbed run replaces it.
     pub has_reference: bool,
     /// Faults of the catalogue that fit no stream of the design.
     pub unfit: Vec<String>,
 }
 
 impl Stress {
-    /// How many cases failed.
+    /// The number of failed cases.
     #[must_use]
     pub fn failures(&self) -> usize {
         self.rows.iter().filter(|r| r.verdict() == Some(Verdict::Failed)).count()
     }
 }
 
-/// Tells `d` the mistakes of the table `[stress]`, if there is one.
+/// Reports to `d` the mistakes of the table `[stress]`, if there is one.
 fn check(document: &fusion::config::Document, d: &mut Diagnostics) {
     if document.root().get(TABLE).is_some()
         && let Err(mistakes) = Catalogue::read(Catalogue::built_in(), document)
@@ -135,12 +135,12 @@ fusion::inventory::submit! {
     }
 }
 
-/// Runs `design` undisturbed, then each case of `catalogue` on `threads` threads, 0 for as many as
-/// there are cores; `progress` hears how many of how many cases are done. `seed` draws directions and
-/// pairs. The rows do not depend on the number of threads.
+/// Runs `design` undisturbed, then each case of `catalogue` on `threads` threads (0: one per core). `progress` receives
+/// the number of finished cases and of all cases. `seed` draws directions and pairs. The rows do not depend on the
+/// number of threads.
 ///
 /// # Errors
-/// Mistakes of the design or of the catalogue, what is wrong with the data.
+/// Mistakes of the design, of the catalogue or of the data.
 pub fn stress(
     design: &Design,
     catalogue: &Catalogue,
@@ -198,14 +198,14 @@ fn surveyed(design: &Design, options: &Options) -> Result<Survey, Diagnostics> {
     Ok(survey)
 }
 
-/// So many threads, 0 for as many as there are cores.
+/// A pool with this number of threads, 0 for one per core.
 fn pool(threads: usize) -> Result<rayon::ThreadPool, Diagnostics> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map_err(|e| Diagnostic::error(format!("no threads to run on: {e}")).into())
 }
 
-/// Runs the design with the faults of a case and watches it for `watch` seconds after them. Returns the record, and why the
-/// run stopped before its end.
+/// Runs the design with the faults of a case and watches it for `watch` seconds after them. Returns the record, and the
+/// reason if the run stopped before its end.
 fn watched(design: &Design, case: &Case, watch: f64, options: &Options, survey: &Survey) -> Result<(Record, Option<String>), Diagnostics> {
     let (watch, _, stopped) = disturbed(design, case, watch, options, survey)?;
     Ok((watch.record(), stopped))
@@ -220,7 +220,8 @@ fn outcome(design: &Design, case: &Case, watch: f64, options: &Options, survey: 
     })
 }
 
-/// Runs the design with the faults of a case, to the end of the watch; the names of its filter, and why it stopped before.
+/// Runs the design with the faults of a case, to the end of the watch. Returns the watch, the names in the filter, and
+/// the reason if it stopped early.
 fn disturbed<'a>(
     design: &Design,
     case: &Case,
@@ -273,7 +274,7 @@ mod tests {
         };
         assert_eq!(row(true, 37.5).verdict(), Some(Verdict::NoClock));
         assert_eq!(row(false, 37.5).verdict(), Some(Verdict::Failed));
-        // A fault at the end of the log, after which nothing was to come.
+        // A fault at the end of the log, with no rows after it.
         assert_eq!(row(true, 0.0).verdict(), None);
     }
 }

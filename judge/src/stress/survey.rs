@@ -1,4 +1,4 @@
-//! The undisturbed run: what its streams are like, when it moves, how wrong it is.
+//! The undisturbed run: the properties of its streams, when it moves, how wrong it is.
 
 use super::catalogue::Catalogue;
 use super::errors::Errors;
@@ -14,21 +14,21 @@ use fusion_core::time::{Time, nanos};
 use fusion_models::block::Shape;
 use nalgebra::UnitQuaternion;
 
-/// Estimates are kept so far apart \[ns\]: they take the place of a reference, and tell of motion.
+/// The spacing of the kept estimates \[ns\]: they replace a reference, and show motion.
 const SPACING: i64 = 100_000_000;
 
-/// What is learnt of a stream.
+/// Properties of a stream.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Learnt {
-    /// The stamps of its rows: in order of arrival during the run, each once and in order of time after it.
+    /// The stamps of its rows: in order of arrival during the run, sorted and without duplicates after it.
     pub(super) times: Vec<Time>,
-    /// Rows whose numbers are all finite.
+    /// Rows with only finite numbers.
     count: usize,
-    /// Per number of a row: sum, sum of squares about the first, sum of squared changes.
+    /// For each number of a row: sum, sum of squares about the first value, sum of squared changes.
     sums: Vec<[f64; 3]>,
     first: Vec<f64>,
     last: Vec<f64>,
-    /// Squared metres between rows, by channel.
+    /// Squared distance between rows \[m²\], by channel.
     moved: Vec<f64>,
 }
 
@@ -62,19 +62,19 @@ impl Learnt {
         self.last.copy_from_slice(values);
     }
 
-    /// The greatest standard deviation of a channel's numbers.
+    /// The largest standard deviation of a channel's numbers.
     pub(super) fn spread(&self, layout: &StreamLayout, channel: usize) -> f64 {
         let n = self.count.max(1) as f64;
         self.greatest(layout, channel, |[sum, squares, _]| squares / n - (sum / n).powi(2))
     }
 
-    /// The root mean square change between two rows; metres of a place, an angle of an attitude.
+    /// The RMS change between two rows: metres for a place, an angle for an attitude.
     pub(super) fn change(&self, layout: &StreamLayout, channel: usize) -> f64 {
         let n = (self.count.max(2) - 1) as f64;
         match layout.channels[channel].shape {
             Shape::Geodetic | Shape::Angle => (self.moved.get(channel).copied().unwrap_or(0.0) / n).sqrt(),
             Shape::Vector => self.greatest(layout, channel, |[.., changes]| changes / n),
-            // A rotation by φ changes a component by φ/2 at most.
+            // A rotation by φ changes a component by at most φ/2.
             Shape::Quaternion => 2.0 * self.greatest(layout, channel, |[.., changes]| changes / n),
         }
     }
@@ -93,19 +93,19 @@ pub(super) struct Survey {
     /// By stream.
     pub(super) streams: Vec<Learnt>,
     pub(super) started: Option<Time>,
-    /// Its estimates, some 0.1 s apart.
+    /// Its estimates, about 0.1 s apart.
     pub(super) estimates: Vec<ReferenceEpoch>,
-    /// The greatest pause between two of all its estimates \[s\].
+    /// The longest pause between two of all its estimates \[s\].
     pub(super) longest_pause: f64,
     last_estimate: Option<Time>,
     epochs: Vec<EpochError>,
-    /// Taken out of the attitude errors.
+    /// The rotation that the attitude errors exclude.
     pub(super) mounting: UnitQuaternion<f64>,
-    /// Root mean square of the innovations of each sensor.
+    /// RMS of the innovations of each sensor.
     pub(super) innovations: Vec<(String, Vec<f64>)>,
-    /// In order of time; empty where there is no reference.
+    /// In time order; empty without a reference.
     pub(super) errors: Vec<Errors>,
-    /// When declared faults are at work \[s\].
+    /// The times of declared faults \[s\].
     declared: Vec<(f64, f64)>,
 }
 
@@ -126,7 +126,7 @@ impl Survey {
         }
     }
 
-    /// The run is over, with this result.
+    /// Ends the survey with the result of the run.
     pub(super) fn finish(&mut self, summary: &Summary) {
         for learnt in &mut self.streams {
             learnt.times.sort_unstable();
@@ -142,32 +142,32 @@ impl Survey {
         self.errors = epochs.iter().map(|e| Errors::of(e, &self.mounting)).collect();
     }
 
-    /// Its errors at this epoch.
+    /// The errors at this epoch.
     pub(super) fn errors_at(&self, time: Time) -> Option<&Errors> {
         let at = self.errors.binary_search_by_key(&time, |e| e.time).ok()?;
         self.errors.get(at)
     }
 
-    /// The last of its stamps.
+    /// The latest stamp of all streams.
     pub(super) fn end(&self) -> Time {
         let last = self.streams.iter().filter_map(|s| s.times.last());
         last.copied().max().unwrap_or_default()
     }
 
-    /// The last moment at which the undisturbed run has an error; without a reference the end.
+    /// The last time at which the undisturbed run has an error; without a reference, the end.
     pub(super) fn judged_end(&self) -> Time {
         self.errors.last().map_or(self.end(), |e| e.time)
     }
 
-    /// The moment of the faults: the declared one, or the first that [is free](Self::is_free) at which the vehicle has
-    /// been moving for 5 s and goes on for 5 s, once the filter has converged; where none is free, the first of them,
-    /// and where it never moves, half-way.
+    /// The moment of the faults: the declared one, or the first suitable one after the filter has converged. It is
+    /// suitable if it [is free](Self::is_free), and the vehicle moves for 5 s before and after it. If no moment is
+    /// free, it is the first moment in motion; if the vehicle never moves, it is half-way.
     pub(super) fn moment(&self, catalogue: &Catalogue, from: Option<Time>) -> Time {
         if let Some(at) = catalogue.at {
             return Time::from_seconds(at);
         }
         let started = self.started.unwrap_or_default();
-        // A log, or a reference, that ends too soon gives the filter less time to converge.
+        // A log or a reference that ends early leaves the filter less time to converge.
         let latest = self.judged_end().shifted(-nanos(catalogue.span())).max(started);
         let settled = started.shifted(nanos(catalogue.settle)).min(latest);
         let earliest = settled.max(from.unwrap_or(Time::MIN));
@@ -193,8 +193,8 @@ impl Survey {
         found.unwrap_or_else(|| Time::from_seconds(0.5 * (earliest.min(end).seconds() + end.seconds())))
     }
 
-    /// Whether no declared fault is at work, nor the log at its end, while the faults that begin `at` this moment last and
-    /// the filter recovers.
+    /// Returns true if faults from `at` on, and the recovery after them, do not overlap a declared fault or the end of
+    /// the log.
     pub(super) fn is_free(&self, catalogue: &Catalogue, at: Time) -> bool {
         let (from, to) = (at.seconds(), at.seconds() + catalogue.span());
         let is_apart = |(begin, end): &(f64, f64)| *end <= from || to <= *begin;
@@ -267,11 +267,11 @@ mod tests {
             }];
             let catalogue = Catalogue::read(Catalogue::built_in(), &Document::parse("empty", "").0).unwrap();
             let at = survey.moment(&catalogue, None);
-            // Rounding of a share of the run.
+            // The moment is a share of the run, so it is rounded.
             (at.seconds().round(), survey.is_free(&catalogue, at))
         };
         assert_eq!(at(600.0, Vec::new()), (60.0, true));
-        // Each lasts for 45 s at most, and 30 s are left to recover.
+        // Each fault lasts for at most 45 s, and 30 s remain to recover.
         assert_eq!(at(600.0, vec![(80.0, 200.0)]), (200.0, true));
         assert_eq!(at(95.0, Vec::new()), (20.0, true));
         assert_eq!(at(600.0, vec![(0.0, 600.0)]), (60.0, false));

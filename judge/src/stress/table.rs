@@ -6,11 +6,11 @@ use fusion::output::Cells;
 use std::io::{self, Write};
 
 impl Stress {
-    /// Writes stress.csv: one row per case, with what `--set` repeats it by. Cells are empty where
-    /// there is nothing to say.
+    /// Writes stress.csv: one row per case, with the settings for `--set` that repeat it. A cell without a
+    /// value is empty.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// The errors of the writer.
     pub fn write(&self, out: impl Write) -> io::Result<()> {
         let mut cells = Cells::new(out);
         cells.texts([
@@ -52,10 +52,10 @@ impl Stress {
 }
 
 impl Drawn {
-    /// Writes draw.csv: one row per case, with what `--set` repeats it by.
+    /// Writes draw.csv: one row per case, with the settings for `--set` that repeat it.
     ///
     /// # Errors
-    /// What the writer reports.
+    /// The errors of the writer.
     pub fn write(&self, out: impl Write) -> io::Result<()> {
         let mut cells = Cells::new(out);
         cells.texts(["case", "fault", "on", "size", "from_s", "to_s"])?;

@@ -1,4 +1,4 @@
-//! A disturbed run: how wrong the filter is, and what it says of itself.
+//! A disturbed run: how wrong the filter is, and the health that it reports.
 
 use super::cases::Case;
 use super::errors::{Errors, GROUPS};
@@ -12,42 +12,42 @@ use fusion_core::runner::{Event, Halt};
 use fusion_core::time::{Time, nanos};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// A filter is wrong beyond so many σ.
+/// A filter is wrong beyond this number of σ.
 pub(super) const WRONG: f64 = 3.0;
 
-/// What became of a filter under a fault.
+/// The outcome for a filter under a fault.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
-    /// Whether it is there and right at the end of the watch.
+    /// Whether it gives an estimate and is right at the end of the watch.
     pub survived: bool,
-    /// The greatest error that the fault has caused, in σ, and what it is of.
+    /// The largest error that the fault caused, in σ, and its quantity.
     pub worst: Option<(f64, &'static str)>,
-    /// The greatest position error \[m\], against the reference or else the undisturbed run.
+    /// The largest position error \[m\], against the reference or, without one, the undisturbed run.
     pub metres: Option<f64>,
-    /// The greatest attitude error \[rad\].
+    /// The largest attitude error \[rad\].
     pub angle: Option<f64>,
-    /// From the end of the faults until it is right for good \[s\]; `None` if it is not in the end.
+    /// The time from the end of the faults until it stays right \[s\]; `None` if it is not right at the end.
     pub recovered: Option<f64>,
-    /// How long there was no estimate \[s\].
+    /// The time without an estimate \[s\].
     pub missing: f64,
-    /// How long it was wrong, or gave no estimate, while its health was good \[s\].
+    /// The time in which it was wrong, or gave no estimate, while its health was good \[s\].
     pub unsaid: f64,
-    /// The worst that its health said after the fault began.
+    /// The worst health that it reported after the fault began.
     pub health: Option<Said>,
-    /// Whether no stream has had a row since the fault began.
+    /// Whether no stream had a row since the fault began.
     pub hears_nothing: bool,
     /// Why the run stopped before its end.
     pub stopped: Option<String>,
 }
 
-/// What a filter said of itself.
+/// The health that a filter reported.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Said {
     /// The worst state.
     pub state: State,
     /// The first of its reasons.
     pub reason: Option<NamedReason>,
-    /// From the beginning of the fault until the health was no longer good \[s\].
+    /// From the start of the fault until the health was no longer good \[s\].
     pub after: f64,
 }
 
@@ -59,19 +59,19 @@ pub(super) struct Change {
     pub(super) reason: Option<Reason>,
 }
 
-/// The error of the filter at an epoch; `None` where it gave no estimate.
+/// The error of the filter at an epoch; `None` if it gave no estimate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sample {
     pub(super) time: Time,
     pub(super) errors: Option<Errors>,
 }
 
-/// A run from the beginning of the faults to the end of the watch.
+/// A run from the start of the faults to the end of the watch.
 #[derive(Clone, Debug)]
 pub(super) struct Record {
-    /// In order of time.
+    /// In time order.
     pub(super) samples: Vec<Sample>,
-    /// From the beginning of the run on.
+    /// From the start of the run on.
     pub(super) changes: Vec<Change>,
 }
 
@@ -83,31 +83,31 @@ pub(super) struct Watch<'a> {
     from: Time,
     /// The end of the watch.
     until: Time,
-    /// How far the estimates are behind the rows \[ns\].
+    /// The delay of the estimates behind the rows \[ns\].
     lag: i64,
-    /// Streams whose stamps may be wrong.
+    /// Streams with possibly wrong stamps.
     disturbed: Vec<usize>,
-    /// Longer pauses between estimates are no estimate \[ns\].
+    /// A longer pause between estimates counts as no estimate \[ns\].
     pause: i64,
-    /// Of the last two estimates.
+    /// The times of the last two estimates.
     estimates: [Option<Time>; 2],
-    /// With the undisturbed run, where there is no reference.
+    /// The comparison with the undisturbed run; used without a reference.
     comparison: Option<Comparison>,
     mounting: UnitQuaternion<f64>,
     samples: Vec<Sample>,
-    /// The time of the log, by streams whose stamps are right.
+    /// The time of the log, from streams with correct stamps.
     now: Option<Time>,
-    /// Whether a row came after the fault began, of whatever stream.
+    /// Whether any stream had a row after the fault began.
     hears: bool,
     changes: Vec<Change>,
-    /// The watch is over; the run need not go on.
+    /// The watch is over; the run can stop.
     pub(super) is_over: bool,
 }
 
 impl<'a> Watch<'a> {
-    /// Of a `case`, for `watch` seconds behind its faults; the filter holds rows back for `lag` seconds.
+    /// For a `case`, until `watch` seconds after its faults; the filter delays rows by `lag` seconds.
     pub(super) fn new(survey: &'a Survey, case: &Case, watch: f64, lag: f64) -> Self {
-        /// Shorter pauses are of no account \[s\].
+        /// Shorter pauses are ignored \[s\].
         const PAUSE: f64 = 0.5;
         let from = survey.estimates.partition_point(|e| e.time < case.from);
         let estimates = survey.estimates.get(from..).unwrap_or_default();
@@ -131,7 +131,7 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Takes the errors at an epoch between the last two estimates.
+    /// Adds the errors at an epoch between the last two estimates.
     fn add(&mut self, errors: Errors) {
         if errors.time < self.from || errors.time > self.until {
             return;
@@ -154,9 +154,10 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// The run is over.
+    /// Ends the run.
     fn close(&mut self) {
-        // Where the estimates end early, the rest of the watch is without any. Where the reference does, nothing is known.
+        // If the estimates end early, the rest of the watch has no estimate. If the reference ends early, nothing is
+        // known.
         let last = self
             .samples
             .last()
@@ -170,7 +171,7 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// What became of the filter.
+    /// The outcome for the filter.
     pub(super) fn finish(mut self, to: Time, names: &Names) -> Outcome {
         self.close();
         let mut out = Outcome::default();
@@ -204,7 +205,7 @@ impl<'a> Watch<'a> {
         out
     }
 
-    /// How long of the time from `since` to `to` the health was good \[s\].
+    /// The time between `since` and `to` with good health \[s\].
     fn good_within(&self, since: Time, to: Time) -> f64 {
         let ends = self.changes.iter().skip(1).map(|c| c.time).chain([Time::MAX]);
         let good = self.changes.iter().zip(ends).filter(|(change, _)| change.state == State::Good);
@@ -212,7 +213,7 @@ impl<'a> Watch<'a> {
         good.map(within).sum()
     }
 
-    /// The worst that the filter said of itself from the beginning of the faults to the end.
+    /// The worst health that the filter reported from the start of the faults to the end.
     fn said(&self, names: &Names) -> Option<Said> {
         let before = self.changes.iter().rev().find(|c| c.time <= self.from);
         let since = before.into_iter().chain(self.changes.iter().filter(|c| c.time > self.from));
@@ -227,7 +228,7 @@ impl<'a> Watch<'a> {
 }
 
 fn greatest(a: Option<f64>, b: Option<f64>) -> Option<f64> {
-    // A number that is none is the greatest.
+    // NaN counts as the largest number.
     let larger = |a: f64, b: f64| if b > a || b.is_nan() { b } else { a };
     a.zip(b).map(|(a, b)| larger(a, b)).or(a).or(b)
 }
@@ -250,7 +251,7 @@ impl RunObserver for Watch<'_> {
                     && filter.is_outermost()
                 {
                     self.changes.push(Change {
-                        // A clock that is wrong may have misled the filter.
+                        // A wrong clock may have misled the filter.
                         time: self.now.unwrap_or(health.since),
                         state: health.state,
                         reason: health.reasons.iter().copied().max_by_key(|r| r.state()),

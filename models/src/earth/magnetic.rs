@@ -42,7 +42,7 @@ impl EarthField {
 /// The field of the World Magnetic Model at `place` on a day written "2026-11-22".
 ///
 /// # Errors
-/// A sentence: no such day, a day or a place that the model does not know.
+/// A message: an invalid day, or a day or place outside the model.
 #[cfg(feature = "wmm")]
 pub fn world_model(place: &Geodetic, day: &str) -> Result<EarthField, String> {
     use world_magnetic_model::GeomagneticField;
@@ -86,8 +86,8 @@ pub fn world_model(_: &Geodetic, _: &str) -> Result<EarthField, String> {
 mod tests {
     use super::*;
 
-    /// Day, height \[km\], latitude, longitude \[deg\]; X, Y, Z \[nT\]: NOAA's WMM2025_TEST_VALUES.txt in
-    /// WMM2025COF.zip, which is table 6 of the WMM2025 report. The last half are those for 2027.5.
+    /// Day, height \[km\], latitude, longitude \[deg\]; X, Y, Z \[nT\]. Source: NOAA's WMM2025_TEST_VALUES.txt in
+    /// WMM2025COF.zip, which is table 6 of the WMM2025 report. The last half of the rows are for 2027.5.
     const PUBLISHED: [(&str, [f64; 3], [f64; 3]); 12] = [
         ("2025-01-01", [0.0, 80.0, 0.0], [6521.6, 145.9, 54791.5]),
         ("2025-01-01", [0.0, 0.0, 120.0], [39677.8, -109.6, -10580.2]),

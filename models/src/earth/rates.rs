@@ -12,10 +12,10 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::gravity::Gravity;
 
-/// The largest difference of latitude \[rad\] that is a small one: 6 km.
+/// The largest difference of latitude \[rad\] that counts as small: 6 km.
 const NEAR: f64 = 1e-3;
 
-/// Everything a navigation equation needs of the Earth at one point, from one sine and cosine.
+/// All properties of the Earth at one point that navigation equations need, from one sine and cosine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalEarth {
     /// sin φ.
@@ -28,7 +28,7 @@ pub struct LocalEarth {
     pub normal: f64,
     /// Height h \[m\].
     pub height: f64,
-    /// 1/(RM + h) \[1/m\]: nearly all that is made of the radii divides by them.
+    /// 1/(RM + h) \[1/m\]: most uses of the radii divide by them.
     pub per_meridian: f64,
     /// 1/(RN + h) \[1/m\].
     pub per_normal: f64,
@@ -61,7 +61,7 @@ impl LocalEarth {
         }
     }
 
-    /// The same at another position, near this one: a latitude that differs by less than 1e-3 rad needs
+    /// Evaluates the ellipsoid at another position near this one. A latitude that differs by less than 1e-3 rad needs
     /// no sine.
     #[inline]
     #[must_use]
@@ -70,7 +70,7 @@ impl LocalEarth {
         if d.abs() > NEAR || self.cos_lat.abs() < NEAR {
             return Self::at(position);
         }
-        // What is left out is below 1e-18: d⁶/720 of the cosine, d⁷/5040 of the sine.
+        // The neglected terms are below 1e-18: d⁶/720 of the cosine, d⁷/5040 of the sine.
         let d2 = d * d;
         let versine = d2 * (0.5 - d2 * (1.0 / 24.0));
         let sin = d * (1.0 - d2 * (1.0 / 6.0 - d2 * (1.0 / 120.0)));

@@ -8,16 +8,16 @@ use fusion_core::time::{Time, nanos};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// During a window, the stamps of a source are wrong by a constant; its rows arrive when they did.
+/// During a window, the stamps of a source are wrong by a constant; the arrival times of its rows do not change.
 ///
-/// An hour ahead for one row is a glitch, a leap second for good is a misconfigured receiver.
-/// Gate statistics count such a row as disturbed: it describes another instant than it says.
+/// One hour ahead for one row is a glitch, a leap second forever is a misconfigured receiver. Gate statistics count
+/// such a row as disturbed: its stamp differs from the time of its measurement.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ClockJumpSpec {
-    /// What is added to the stamps; negative for a clock that falls behind.
+    /// Added to the stamps; negative for a clock that is late.
     by: Duration,
-    /// When, in the time of the log; without `to`, for good.
+    /// When, in the time of the log; without `to`, forever.
     window: Windows,
 }
 

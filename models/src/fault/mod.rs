@@ -1,15 +1,15 @@
-//! What goes wrong with a source: declared disturbances of its rows, recorded or simulated.
+//! Faults of a source: declared disturbances of its rows, recorded or simulated.
 //!
-//! A fault sees the rows of one source in order and leaves a row as it is, changes its numbers or
-//! its stamp, withholds it, lets it come late or more than once. Windows are in the time of the log,
-//! against the stamp that the source gave the row, whatever another fault makes of it.
+//! A fault sees the rows of one source in order. It leaves a row unchanged, changes its numbers or its stamp, withholds
+//! it, delays it or repeats it. Windows are in the time of the log. They refer to the original stamp of the row, even
+//! if another fault changes that stamp.
 //!
-//! Seeds    what a random fault does to a row depends on its seed and the stamp of the row alone:
-//!          another outage, a later start or a thinned source leave all other disturbances as
-//!          they were. Rows of one stamp are disturbed alike
-//! Metres   positions are disturbed in metres north, east, down; attitudes by a rotation vector in
-//!          body axes; everything else in its own unit
-//! Not here faults that depend on the truth
+//! Seeds      the effect of a random fault on a row depends only on its seed and on the stamp of the row: another
+//!            outage, a later start or a thinned source leave all other disturbances unchanged. Rows with the same
+//!            stamp are disturbed alike
+//! Metres     positions are disturbed in metres north, east, down; attitudes by a rotation vector in
+//!            body axes; everything else in its own unit
+//! Not here   faults that depend on the truth
 
 mod clock_jump;
 mod duplicate;
@@ -63,36 +63,36 @@ pub struct ProvidedChannel {
     pub delay_ns: i64,
 }
 
-/// What became of a row.
+/// The outcome of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// It is as it was.
+    /// It is unchanged.
     Untouched,
     /// Its numbers were changed.
     Disturbed,
     /// It never arrives.
     Withheld,
-    /// It says another time than its own.
+    /// Its stamp is changed.
     Restamped {
-        /// What is added to its stamp \[ns\]; not zero.
+        /// The change of its stamp \[ns\]; not zero.
         by: i64,
     },
     /// It arrives later, with its own stamp.
     Delayed {
-        /// How much later \[ns\]; above zero.
+        /// The delay \[ns\]; above zero.
         by: i64,
     },
     /// It arrives more than once.
     Repeated {
-        /// How many times more; above zero.
+        /// The number of additional copies; above zero.
         copies: u32,
     },
 }
 
-/// A fault at work on one source.
+/// A fault that acts on one source.
 pub trait Fault: Debug + Send {
-    /// The numbers of a row that it makes wrong: those that it may change, or all of them where it
-    /// changes the stamp. Empty for one that changes neither.
+    /// The columns that it makes wrong: those that it may change, or all of them if it changes the stamp. Empty if it
+    /// changes neither.
     fn columns(&self) -> Range<usize>;
 
     /// Sees the next row; `time` is the stamp that the source gave it.
@@ -104,7 +104,7 @@ fn all_columns(channels: &[ProvidedChannel]) -> Range<usize> {
     0..channels.iter().map(|c| c.offset + c.channel.width).max().unwrap_or(0)
 }
 
-/// What a fault is built for.
+/// The context in which a fault is built.
 #[derive(Clone, Copy, Debug)]
 pub struct FaultContext<'a> {
     /// The channels of the source.
@@ -116,16 +116,15 @@ pub struct FaultContext<'a> {
 /// A fault as declared.
 #[typetag::deserialize]
 pub trait FaultSpec: Debug + Send + Sync {
-    /// When it may be at work.
+    /// When it may act.
     fn windows(&self) -> Windows;
 
-    /// When the source is silent because of it, for the drift per outage; `None` for a fault that
-    /// is no outage.
+    /// When it makes the source silent, for the drift per outage; `None` if the fault is not an outage.
     fn outage(&self) -> Option<&Windows> {
         None
     }
 
-    /// Makes the fault.
+    /// Builds the fault.
     ///
     /// # Errors
     /// [`BuildError`] naming the field.

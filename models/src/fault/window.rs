@@ -1,4 +1,4 @@
-//! When a fault is at work.
+//! The windows of a fault.
 
 use crate::units::{Duration, Positive, dim};
 use core::fmt;
@@ -9,7 +9,7 @@ use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use std::borrow::Cow;
 
-/// A stretch of time: `from` belongs to it, `to` does not.
+/// A time span: it includes `from`, but not `to`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Window {
     /// Its first instant.
@@ -20,7 +20,7 @@ pub struct Window {
 
 fusion_core::memory!(Window { from, to });
 
-/// Stretches of the log's time, each once or again and again.
+/// Time spans of the log, each once or repeated.
 ///
 /// ```toml
 /// window = { from = "300 s", to = "360 s" }
@@ -56,32 +56,32 @@ impl Windows {
         }])
     }
 
-    /// Those that overlap `span`, each from its beginning to its end, in order within each declaration; none that lasts for ever
-    /// in both directions.
+    /// The windows that overlap `span`, each from its beginning to its end, in order within each declaration. Without
+    /// windows that are infinite in both directions.
     pub fn within(&self, span: Window) -> impl Iterator<Item = Window> {
         self.0.iter().flat_map(move |repeated| repeated.within(span))
     }
 
-    /// Whether `time` lies in one of them.
+    /// Returns true if a window contains `time`.
     #[must_use]
     pub fn contains(&self, time: Time) -> bool {
         self.0.iter().any(|r| r.contains(time))
     }
 
-    /// The one that `time` lies in; of several, the one that began last.
+    /// The window that contains `time`; of several, the window that began last.
     #[must_use]
     pub fn containing(&self, time: Time) -> Option<Window> {
         let found = self.0.iter().filter_map(|r| r.at(time));
         found.max_by_key(|w| w.from)
     }
 
-    /// Each stretch that is declared: a single one, or one that repeats.
+    /// Each declared time span: a single window, or a repeated one.
     pub fn each(&self) -> impl Iterator<Item = Repeated> {
         self.0.iter().copied()
     }
 }
 
-/// A stretch of time that comes once, or again and again.
+/// A time span, once or repeated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Repeated {
     first: Window,
@@ -90,17 +90,17 @@ pub struct Repeated {
 }
 
 impl Repeated {
-    /// Whether `time` lies in it.
+    /// Returns true if it contains `time`.
     #[must_use]
     pub fn contains(&self, time: Time) -> bool {
         self.at(time).is_some()
     }
 
-    /// Its windows that overlap `span`; none where it lasts for ever in both directions.
+    /// Its windows that overlap `span`; none if it is infinite in both directions.
     fn within(self, span: Window) -> impl Iterator<Item = Window> {
         let Window { from, to } = self.first;
         let is_bounded = from != Time::MIN || to != Time::MAX;
-        // The first that may overlap: the one at the beginning of the span, or the next.
+        // The first window that may overlap: the window at the beginning of the span, or the next.
         let since = span.from.nanos().saturating_sub(from.nanos()).max(0);
         let passed = self.every.map_or(0, |every| since / every);
         let begins = move |number: i64| match self.every {
@@ -115,16 +115,16 @@ impl Repeated {
             .filter(move |window| window.to > span.from)
     }
 
-    /// The window that `time` lies in. An end that was left open is [`Time::MIN`] or [`Time::MAX`].
+    /// The window that contains `time`. An open end is [`Time::MIN`] or [`Time::MAX`].
     ///
-    /// Of a repetition the window is computed, not counted up to: it may have begun decades ago.
+    /// The window of a repetition is computed directly, without counting: it may have begun decades ago.
     #[must_use]
     pub fn at(&self, time: Time) -> Option<Window> {
         let Window { from, to } = self.first;
         if time < from || time >= self.until && self.until != Time::MAX {
             return None;
         }
-        // Both are later than 1677, so that the difference of two fits an unsigned number.
+        // Both are later than 1677, so their difference fits an unsigned number.
         let length = to.nanos().abs_diff(from.nanos());
         let since = time.nanos().abs_diff(from.nanos());
         let into = self.every.map_or(since, |every| since % every.unsigned_abs());
@@ -138,7 +138,7 @@ impl Repeated {
     }
 }
 
-/// When a fault is at work.
+/// When a fault acts.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Keys {
@@ -276,7 +276,7 @@ mod tests {
         assert_eq!(within("{ from = -1e9, duration = 5, every = 20 }", 41.0, 42.0), [[40.0, 45.0]]);
         assert_eq!(within("[{ to = 10 }, { from = 90 }]", 0.0, 100.0).len(), 2);
         assert_eq!(within("[{ to = 10 }, { from = 90 }]", 20.0, 80.0).len(), 0);
-        // What is always at work is no window.
+        // A span without ends has no window.
         assert_eq!(Windows::default().within(Window { from: t(0.0), to: t(1.0) }).count(), 0);
         assert_eq!(Windows::since(t(3.0)).within(Window { from: t(0.0), to: t(9.0) }).count(), 1);
     }
@@ -310,7 +310,7 @@ mod tests {
 
     #[test]
     fn a_repetition_has_no_horizon() {
-        // Seconds of Unix time; a minute in every three.
+        // Seconds of Unix time; one minute of every three.
         let w = read("{ from = 300, duration = 60, every = 180 }").unwrap();
         let k = 9_737_000;
         let unix = 300 + 180 * k;

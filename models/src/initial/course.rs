@@ -18,14 +18,14 @@ use serde::Deserialize;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CourseSpec {
-    /// A stream with a `velocity` channel, north east down, or with `horizontal_velocity` where `horizontal` says so.
+    /// A stream with a `velocity` channel, north east down, or with `horizontal_velocity` if `horizontal` is true.
     source: String,
-    /// Reads `horizontal_velocity`: a receiver that says nothing of the vertical.
+    /// Reads `horizontal_velocity`, for a receiver that does not measure the vertical velocity.
     #[serde(default)]
     horizontal: bool,
     /// Smallest horizontal speed at which the course is used.
     min_speed: Positive<dim::Speed>,
-    /// 1σ of the heading that it gives.
+    /// 1σ of the resulting heading.
     sigma: NonNegative<dim::Angle>,
     /// Yaw of the vehicle's forward axis in the body frame.
     #[serde(default)]
@@ -80,14 +80,14 @@ struct Course {
     sigma: f64,
     mounting_yaw: f64,
     yaw: Option<f64>,
-    /// The largest speed heard.
+    /// The largest speed so far.
     fastest: f64,
 }
 memory!(Course { yaw, fastest; min_speed, sigma, mounting_yaw });
 
 impl Initialiser for Course {
     fn row(&mut self, _: usize, _: Time, row: &[f64]) {
-        // The latest course counts, and a slow one is none.
+        // The latest course counts; a slow course is ignored.
         let speed = row[0].hypot(row[1]);
         let fast = speed >= self.min_speed;
         self.fastest = self.fastest.max(speed);

@@ -1,17 +1,18 @@
 //! Position and velocity from the latest fix before the start, or the median of the latest few.
 //!
-//! A fix is that of the antenna: the body is at  r_fix − C_nb l_ba_b, with the attitude that initialisers
-//! earlier in the file have found. What that attitude leaves open of the lever arm goes into the 1σ: per
-//! axis the variance of C_nb [l ×] P_att [l ×]ᵀ C_nbᵀ, at most |l|². Where no attitude is known, |l|² and
-//! no shift. The velocity is that of the antenna: a body that turns at the start is not meant.
+//! A fix gives the position of the antenna. The body is at  r_fix − C_nb l_ba_b, with the attitude that earlier
+//! initialisers in the file have found. The uncertainty of this attitude moves the lever arm and goes into the 1σ: per
+//! axis the variance of C_nb [l ×] P_att [l ×]ᵀ C_nbᵀ, at most |l|². If no attitude is known: |l|² and no shift. The
+//! velocity is that of the antenna: the model is not for a body that turns at the start.
 //!
 //! Carried   a fix is older than the start by Δt:  r ← r + v Δt, with the velocity v. Without a velocity, the mean
 //!           velocity between the latest two fixes times Δt goes into the 1σ
 //! Aged      velocities v_1, v_2 at t_1, t_2: the acceleration |v_2 − v_1| / (t_2 − t_1) times the age of v_2 goes into
 //!           the 1σ of the velocity, and the 1σ of the velocity times Δt into that of the position
 //!
-//! With a 1σ the fix is information of its own. An error that lasts is in the fixes after it too, so that it would count
-//! twice: with the 1σ σ_b of that error and σ of the start, the 1σ of the position is too small by √(1 + σ_b²/σ²).
+//! With a declared 1σ, the fix counts as independent information. A slow error is also in the later fixes, so it would
+//! count twice: with the 1σ σ_b of that error and the 1σ σ of the start, the 1σ of the position is too small by √(1 +
+//! σ_b²/σ²).
 
 use super::{known_attitude, write_position, write_velocity};
 use crate::block::{Build, BuildError, InitialiserSpec, Listen, Taken};
@@ -32,20 +33,19 @@ use std::num::NonZeroUsize;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FirstFixSpec {
-    /// A stream with a `position` channel, or with `horizontal_position` where the `height` is given.
+    /// A stream with a `position` channel, or with `horizontal_position` if the `height` is given.
     source: String,
-    /// 1σ north, east, down of the initial position, where its errors are not those of the fixes that a sensor takes later.
-    /// Left out, the fix is a place to begin at (100 m), and the next fixes tell the position: so where their sensor has a
-    /// slow error, `bias`, which the first fix has too.
+    /// 1σ north, east, down of the initial position, if its errors are independent of the later fixes of a sensor.
+    /// Without it, the fix is only a start position (100 m), and the next fixes determine the position. Leave it out if
+    /// their sensor has a slow error, `bias`, because the first fix has it too.
     position_sigma: Option<Axes<dim::Length, range::NonNegative>>,
-    /// Takes the `velocity` channel too, with this 1σ; without it another initialiser must give the
-    /// velocity.
+    /// Also uses the `velocity` channel, with this 1σ; without it another initialiser must give the velocity.
     velocity_sigma: Option<Axes<dim::Speed, range::NonNegative>>,
     /// Position of the antenna in body axes, from the body origin, as its sensor declares it.
     #[serde(default)]
     lever_arm: Vec3Of<dim::Length>,
-    /// The height of the antenna above the ellipsoid, where the fixes have none: they are the channel
-    /// `horizontal_position`.
+    /// The height of the antenna above the ellipsoid, for fixes of the channel `horizontal_position`, which have no
+    /// height.
     height: Option<Length>,
     /// The position is the median of this many latest fixes, axis by axis: for a vehicle at rest
     /// whose fixes contain outliers.
@@ -53,7 +53,7 @@ pub struct FirstFixSpec {
     median_of: NonZeroUsize,
 }
 
-/// 1σ of a place to begin at \[m\]: tens of times the errors of any fix, so that nothing of it is left after the next one.
+/// 1σ of a start position \[m\]: tens of times the errors of any fix, so that it has no effect after the next fix.
 const PLACE: f64 = 100.0;
 
 const fn one() -> NonZeroUsize {
@@ -129,7 +129,7 @@ struct FirstFix {
     position_sigma: [f64; 3],
     velocity_sigma: Option<[f64; 3]>,
     lever_arm: Vector3<f64>,
-    /// Of fixes without one.
+    /// The height for fixes without one.
     height: Option<f64>,
     median_of: usize,
     fixes: VecDeque<Fix>,
@@ -164,7 +164,7 @@ impl Latest {
         (self.time, self.value) = (time, Some(value));
     }
 
-    /// 1σ per axis at `time`, where it was `sigma` when it was measured.
+    /// 1σ per axis at `time`; `sigma` is the 1σ at the time of the measurement.
     fn sigma(&self, time: Time, sigma: &[f64; 3]) -> Vector3<f64> {
         let changed = self.acceleration * time.seconds_since(self.time);
         Vector3::from(*sigma).zip_map(&changed, f64::hypot)
@@ -174,7 +174,7 @@ impl Latest {
 memory!(FirstFix { fixes, way, velocity; origin, position_sigma, velocity_sigma, lever_arm, height, median_of });
 
 impl FirstFix {
-    /// From the body to the antenna, in navigation axes, and the variance of what is open of it.
+    /// From the body to the antenna, in navigation axes, and its variance.
     fn lever(&self, layout: &Layout, belief: &Belief) -> (Vector3<f64>, Vector3<f64>) {
         let l = &self.lever_arm;
         let most = l.norm_squared();
@@ -185,7 +185,7 @@ impl FirstFix {
         (q * l, (slope * p * slope.transpose()).diagonal().map(|v| v.min(most)))
     }
 
-    /// The fix at `time`, and what its 1σ grows by.
+    /// The fix at `time`, and the growth of its 1σ.
     fn position(&self, time: Time) -> Option<(Geodetic, Vector3<f64>)> {
         let velocity = self.velocity.value.unwrap_or_default();
         let age = |fix: &Fix| time.seconds_since(fix.time);
@@ -321,7 +321,7 @@ mod tests {
         assert!((place.difference(&origin) - east(8.0)).norm() < 1e-6);
         let velocity = Vector3::new(0.3, 0.3_f64.hypot(0.4 * 2.0), 0.3);
         assert!((grown - velocity).norm() < 1e-12, "{grown}");
-        // Without a velocity it stays where it was, give or take the way since.
+        // Without a velocity the position is kept, and the travelled way goes into its 1σ.
         let mut f = fix(None);
         hear(&mut f, 8.0, 0.0);
         hear(&mut f, 9.0, 7.0);
@@ -389,14 +389,14 @@ mod tests {
         let (body, sigma) = started(|layout, belief| write_attitude(layout, belief, &q, &[0.1, 0.0, 3.0]));
         // Rolled to the right, the antenna is 2 sin 0.5 east of the body and 2 cos 0.5 above; 1e-8 m: longitude.
         assert!((body - Vector3::new(0.0, -0.958_851, 1.755_165)).amax() < 1e-6, "{body}");
-        // A roll of 0.1 rad moves it by 0.2 m across, cos 0.5 of it east and sin 0.5 down; the yaw's 3 rad turn
-        // nothing, as the arm is along their axis.
+        // A roll of 0.1 rad moves it by 0.2 m across, cos 0.5 of it east and sin 0.5 down; the yaw's 3 rad have no
+        // effect, as the arm is along their axis.
         let expected = Vector3::new(3.0, 3.0_f64.hypot(0.2 * 0.5_f64.cos()), 4.0_f64.hypot(0.2 * 0.5_f64.sin()));
         assert!((sigma - expected).amax() < 1e-12, "{sigma}");
-        // Where no attitude is known, the body is somewhere about the antenna.
+        // If no attitude is known, the body is somewhere around the antenna.
         let (body, sigma) = started(|_, _| {});
         assert!(body.norm() < 1e-8 && (sigma - Vector3::new(13.0_f64.sqrt(), 13.0_f64.sqrt(), 20.0_f64.sqrt())).amax() < 1e-12);
-        // A tilt of half a turn says no more than that.
+        // A tilt of half a turn gives the same limit.
         let (_, sigma) = started(|layout, belief| write_attitude(layout, belief, &q, &[3.0; 3]));
         assert!(sigma.y <= 13.0_f64.sqrt() + 1e-12, "{sigma}");
     }

@@ -1,11 +1,11 @@
-//! Static levelling, and gyrocompassing where the gyros can.
+//! Static levelling, and gyrocompassing if the gyros are accurate enough.
 //!
 //! Levelling  roll = atan2(−f_y, −f_z),  pitch = atan2(f_x, √(f_y² + f_z²)) of the mean f at rest
-//! Gyro bias  the mean rate at rest (less the Earth's where the heading is known)
+//! Gyro bias  the mean rate at rest (minus the Earth's rate if the heading is known)
 //! Compassing ω_x' = ω_x cθ + ω_y sφ sθ + ω_z cφ sθ,  ω_y' = ω_y cφ − ω_z sφ,
 //!            ψ = atan2(−ω_y', ω_x')
-//! Tilt 1σ    σ² = `tilt_sigma`² + s²/|f|², s the 1σ of the mean force across f over eighths of the rest:
-//!            vibration averages out of it, a vehicle that drives does not
+//! Tilt 1σ    σ² = `tilt_sigma`² + s²/|f|², s the 1σ, across f, of the mean forces of eighths of the rest: vibration
+//!            averages out, the acceleration of a moving vehicle does not
 //! Predicted  σ_ψ² = (σ_g² + N_g²/T)/(Ω cos φ)² + ((σ_a/g) tan φ)²
 //! Kept       after the vehicle moves, the gyros carry the attitude to the start
 //! Valid      at rest, |latitude| < 80° for compassing
@@ -26,19 +26,18 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Roll and pitch from the specific force at rest, the gyro bias from the rate at rest, and with
-/// `gyrocompass` the heading from the Earth's rotation.
+/// Roll and pitch from the specific force at rest, the gyro bias from the rate at rest, and with `gyrocompass` the
+/// heading from the Earth's rotation.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LevellingSpec {
     /// The IMU stream.
     source: String,
-    /// How long the vehicle must have stood still.
+    /// How long the vehicle must stand still.
     duration: Positive<dim::Duration>,
     /// Limits of the rest test; without them the vehicle is assumed to be at rest from the first row on.
     still: Option<StillSpec>,
-    /// 1σ of roll and pitch: accelerometer bias over gravity. Where the force wandered while it was
-    /// averaged, the 1σ grows by that.
+    /// 1σ of roll and pitch: accelerometer bias over gravity. It grows if the force wandered during the averaging.
     tilt_sigma: NonNegative<dim::Angle>,
     /// 1σ of the gyro bias found at rest; sets the state `gyro_bias`.
     gyro_bias_sigma: Option<Axes<dim::AngularRate, range::NonNegative>>,
@@ -46,7 +45,7 @@ pub struct LevellingSpec {
     gyrocompass: Option<GyrocompassSpec>,
 }
 
-/// Gyrocompassing: refused where its predicted error is too large.
+/// Gyrocompassing: rejected if its predicted error is too large.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GyrocompassSpec {
@@ -58,7 +57,7 @@ pub struct GyrocompassSpec {
     accel_bias: NonNegative<dim::Acceleration>,
     /// The largest predicted 1σ that is accepted.
     max_sigma: Positive<dim::Angle>,
-    /// Latitude; by default that of the origin.
+    /// Latitude; by default the latitude of the origin.
     latitude: Option<crate::units::Angle>,
 }
 
@@ -169,7 +168,7 @@ struct Compass {
 /// Parts of the rest whose mean forces are compared.
 const PARTS: f64 = 8.0;
 
-/// Sums over one spell of rest.
+/// Sums over one period of rest.
 #[derive(Clone, Copy, Debug, Default)]
 struct Rest {
     since: Option<Time>,
@@ -189,13 +188,13 @@ impl Rest {
     }
 }
 
-/// Mean and scatter of the mean forces of equal parts of a spell.
+/// Mean and scatter of the mean forces of equal parts of a rest.
 #[derive(Clone, Copy, Debug, Default)]
 struct Parts {
-    /// Of the part that runs.
+    /// Sums of the current part.
     count: f64,
     sum: Vector3<f64>,
-    /// Of those that are complete: how many, their mean, the sum of squared deviations from it.
+    /// The complete parts: their number, their mean, and the sum of squared deviations from it.
     complete: f64,
     mean: Vector3<f64>,
     squares: Matrix3<f64>,
@@ -209,7 +208,7 @@ memory!(Parts {
 });
 
 impl Parts {
-    /// Adds a force when `share` of the spell has passed.
+    /// Adds a force when `share` of the rest has passed.
     fn add(&mut self, f: &Vector3<f64>, share: f64) {
         self.count += 1.0;
         self.sum += f;
@@ -223,11 +222,11 @@ impl Parts {
         }
     }
 
-    /// What the direction of the mean force is uncertain by \[rad\]: 1σ of a part across it.
+    /// The uncertainty of the direction of the mean force \[rad\]: 1σ of a part across it.
     fn wander(&self, f: &Vector3<f64>) -> f64 {
         let across = Matrix3::identity() - f * f.transpose() / f.norm_squared();
         let variance = (across * self.squares * across).trace() / (self.complete - 1.0).max(1.0);
-        // Two axes share it.
+        // Two axes share the variance.
         (0.5 * variance).max(0.0).sqrt() / f.norm()
     }
 }
@@ -241,7 +240,7 @@ struct Levelling {
     compass: Option<Compass>,
     rest: Rest,
     found: Option<(UnitQuaternion<f64>, Vector3<f64>)>,
-    /// 1σ of tilt \[rad\] by which the force wandered over the rest that was found.
+    /// 1σ of tilt \[rad\] from the wandering force in the rest that was found.
     wander: f64,
     last: Option<Time>,
     /// The longest rest so far \[s\].
@@ -283,7 +282,7 @@ impl Initialiser for Levelling {
         }
         let dt = self.last.map_or(0.0, |last| time.seconds_since(last));
         self.last = Some(time);
-        // Nothing is known of the bias before the first rest, and little changes after it.
+        // The bias is unknown before the first rest, and changes little after it.
         let bias = self.found.map_or_else(Vector3::zeros, |(_, bias)| bias);
         if self.test.as_mut().map_or(self.found.is_none(), |test| test.is_still(&bias)) {
             if self.rest.since.is_none() {
@@ -477,10 +476,10 @@ mod tests {
             levelling.wander
         };
         assert_eq!(wander(&|_| 0.3), 0.0, "at rest");
-        // 1 m/s² at 31 Hz: an eighth of 0.5 s holds 15.5 periods, of which half a one is left: 1/31π of it.
+        // 1 m/s² at 31 Hz: an eighth of 0.5 s holds 15.5 periods, of which half a period remains: 1/31π of it.
         let vibration = wander(&|t| (31.0 * core::f64::consts::TAU * t).sin());
         assert!(vibration < 2e-3, "{vibration}");
-        // Pulling away after 2 s with 2 m/s²: means of 0 and 2, 1σ 1.07 m/s² on one of two axes.
+        // Starting after 2 s with 2 m/s²: means of 0 and 2, 1σ 1.07 m/s² on one of two axes.
         let driving = wander(&|t| if t > 2.0 { 2.0 } else { 0.0 });
         let expected = (8.0_f64 / 7.0 / 2.0).sqrt() / (G * G + 1.0).sqrt();
         // 3 %: the axis across the mean force, which leans by 0.1 rad, and the sample between the halves.
@@ -521,7 +520,8 @@ mod tests {
         }
         levelling.write(Time::default(), &layout, &mut belief);
         let variance = belief.covariance.marginal::<3>(&layout.blocks()[0]).diagonal();
-        // As `the_1_sigma_of_tilt_grows…`; of the same size as the 0.01 rad declared, so that neither hides.
+        // See `the_1_sigma_of_tilt_grows…`. The wander is close to the declared 0.01 rad, so that both are visible in
+        // the sum.
         assert!((0.005..0.02).contains(&levelling.wander), "{}", levelling.wander);
         let tilt = 0.01_f64.powi(2) + levelling.wander.powi(2);
         let expected = V::new(tilt, tilt, core::f64::consts::PI.powi(2));

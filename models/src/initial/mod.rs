@@ -38,8 +38,8 @@ fn write_velocity(layout: &Layout, belief: &mut Belief, v: &Vector3<f64>, sigma:
     }
 }
 
-/// The attitude that an initialiser has written, with its covariance; `None` before one has: then there
-/// is the identity without any variance.
+/// The attitude that an initialiser has written, with its covariance. `None` before that: the layout then holds the
+/// identity without any variance.
 fn known_attitude(layout: &Layout, belief: &Belief) -> Option<(UnitQuaternion<f64>, nalgebra::Matrix3<f64>)> {
     let b = layout.block(state::ATTITUDE).filter(|b| b.kind == Kind::Attitude)?;
     let (q, p) = (Attitude::read(&belief.x[b.storage_range()]), belief.covariance.marginal::<3>(b));
@@ -55,7 +55,7 @@ fn write_attitude(layout: &Layout, belief: &mut Belief, q: &UnitQuaternion<f64>,
 
 /// Turns the attitude block to `yaw`, keeping roll and pitch, or writes the angle `heading`.
 ///
-/// The yaw variance is laid about the vertical: P_b = Cᵀ diag(tilt², tilt², σ²) C.
+/// The yaw variance is about the vertical: P_b = Cᵀ diag(tilt², tilt², σ²) C.
 fn write_yaw(layout: &Layout, belief: &mut Belief, yaw: f64, sigma: f64) {
     if let Some(b) = layout.block(state::ATTITUDE) {
         let range = b.storage_range();
@@ -66,7 +66,7 @@ fn write_yaw(layout: &Layout, belief: &mut Belief, yaw: f64, sigma: f64) {
         let before = belief.covariance.marginal::<2>(b);
         let tilt = 0.5 * (before[(0, 0)] + before[(1, 1)]);
         let p = c.transpose() * nalgebra::Matrix3::from_diagonal(&Vector3::new(tilt, tilt, sigma * sigma)) * c;
-        // Row by row; of the two triangles the lower counts.
+        // Row by row, from the lower triangle.
         let symmetric = nalgebra::Matrix3::from_fn(|i, j| p[(i.max(j), i.min(j))]);
         belief.covariance.set_block(b, symmetric.as_slice());
     } else if let Some(b) = layout.block(state::HEADING) {

@@ -1,18 +1,18 @@
-//! Agility: how fast a vehicle can change its motion while nobody measures it.
+//! Agility: how fast a vehicle can change its motion while no sensor measures it.
 //!
-//! A vehicle changes its motion by accelerations and turns that are correlated in time: of 1σ a \[m/s²\] and
-//! w \[rad/s\] per body axis, with a correlation time τ. The samples before a gap give their values at its
-//! beginning. These fade away by exp(−T/τ): their integral over T seconds is τ (1 − exp(−T/τ)) times the value.
-//! The accelerations and turns that begin in the gap have an integral with the variance
+//! A vehicle changes its motion by accelerations and turns that are correlated in time: of 1σ a \[m/s²\] and w
+//! \[rad/s\] per body axis, with a correlation time τ. The samples before a gap give the values at its beginning. These
+//! fade away by exp(−T/τ): their integral over T seconds is τ (1 − exp(−T/τ)) times the value. The accelerations and
+//! turns that begin in the gap have an integral with the variance
 //!
 //! ```text
 //! a² g(T),   g(T) = τ² (2T/τ − 3 + 4 exp(−T/τ) − exp(−2T/τ))
 //! ```
 //!
-//! It begins as ⅔ a² T³/τ and goes over into a random walk of 2a²τT. A part of a gap adds the growth of g.
-//! Roll and pitch of a vehicle do not walk away: their 1σ grows up to `tilt`, that of the heading up to
-//! that of a uniform distribution, π/√3. Where the vehicle turns by driving, on a circle of `turning_radius`
-//! R at least, w about down is at most speed/R.
+//! It begins as ⅔ a² T³/τ and approaches a random walk of 2a²τT. A part of a gap adds the growth of g. Roll and pitch
+//! of a vehicle are bounded: their 1σ grows up to `tilt`, and that of the heading up to the 1σ of a uniform
+//! distribution, π/√3. If the vehicle turns by driving, on a circle of at least `turning_radius` R, w about down is at
+//! most speed/R.
 //!
 //! Source     integrated Gauss-Markov process, given its initial value: Gelb 1974, Applied Optimal Estimation, §3.8
 //! Not here   noise of these values
@@ -26,8 +26,8 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// How fast the vehicle can change its motion: what a gap in the input adds to the uncertainty. A single
-/// sample that changes by less is no spike. Per body axis: forward, right, down.
+/// How fast the vehicle can change its motion: a gap in the input adds this uncertainty. A single sample that changes
+/// by less is not a spike. Per body axis: forward, right, down.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AgilitySpec {
@@ -37,15 +37,15 @@ pub struct AgilitySpec {
     angular_rate: Axes<dim::AngularRate, range::Positive>,
     /// How long an acceleration or a turn lasts.
     time: Positive<dim::Duration>,
-    /// The largest 1σ of roll and pitch that a gap leaves.
+    /// The largest 1σ of roll and pitch after a gap.
     tilt: Positive<dim::Angle>,
-    /// The smallest circle that it can drive, where it cannot turn on the spot: its angular rate about
-    /// down is then at most its speed over this radius.
+    /// The smallest circle that it can drive, if it cannot turn on the spot: its angular rate about down is then at
+    /// most its speed over this radius.
     turning_radius: Option<Positive<dim::Length>>,
 }
 
 impl Default for AgilitySpec {
-    /// A car in a town, a multicopter in gentle flight, a vehicle under water.
+    /// A car in a town, a multicopter in gentle flight, an underwater vehicle.
     fn default() -> Self {
         Self {
             acceleration: [positive(3.0); 3].into(),
@@ -68,7 +68,7 @@ pub(super) struct Agility {
     rate: Vector3<f64>,
     time: f64,
     tilt: f64,
-    /// The largest curvature of its path \[1/m\]; none where it can turn on the spot.
+    /// The largest curvature of its path \[1/m\]; `None` if it can turn on the spot.
     curvature: Option<f64>,
 }
 
@@ -87,11 +87,11 @@ impl From<&AgilitySpec> for Agility {
 /// The effect of a fading motion over a part of a gap, in the body axes at the beginning of the part.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fading {
-    /// By how much the vehicle turns.
+    /// The rotation of the vehicle.
     pub(super) turn: UnitQuaternion<f64>,
-    /// By how much its velocity changes \[m/s\].
+    /// The change of its velocity \[m/s\].
     pub(super) velocity: Vector3<f64>,
-    /// The part of the path that is due to it \[m\].
+    /// The part of the path that this change causes \[m\].
     pub(super) path: Vector3<f64>,
     /// Rate \[rad/s\] and specific force \[m/s²\] that are left at the end.
     pub(super) w: Vector3<f64>,
@@ -99,18 +99,18 @@ pub(super) struct Fading {
 }
 
 impl Agility {
-    /// By how much angular rate and specific force may change from sample to sample, per number of an
-    /// inertial sample: shocks act on every axis as on the most agile one.
+    /// How much angular rate and specific force may change from sample to sample, per number of an inertial sample.
+    /// Shocks act on every axis as on the most agile one.
     pub(super) fn changes(&self) -> [f64; 6] {
         let (w, a) = (self.rate.max(), self.acceleration.max());
         [w, w, w, a, a, a]
     }
 
-    /// What g grows by over a part of a gap \[s²\].
+    /// The growth of g over a part of a gap \[s²\].
     fn growth(&self, gap: &Gap) -> f64 {
         let g = |seconds: f64| {
             let x = seconds / self.time;
-            // The differences lose digits as 1/x², the series leaves out x³/8 of it.
+            // The differences lose digits as 1/x², the series neglects x³/8 of the integral.
             let integral = if x < 1e-3 {
                 x * x * x * (2.0 / 3.0 - x / 2.0 + x * x * (7.0 / 30.0))
             } else {
@@ -121,8 +121,8 @@ impl Agility {
         g(gap.to) - g(gap.from)
     }
 
-    /// The effect over a part of a gap of the `motion` at the beginning of the gap: rate and specific force minus those of
-    /// a vehicle at constant velocity and attitude, in body axes; missing numbers are zero.
+    /// The effect over a part of a gap of the `motion` at the beginning of the gap. `motion` is rate and specific force
+    /// minus those of a vehicle at constant velocity and attitude, in body axes; missing numbers are zero.
     pub(super) fn fading(&self, gap: &Gap, motion: &[f64]) -> Fading {
         let left = |seconds: f64| (-seconds / self.time).exp();
         let (dt, begun) = (gap.duration(), left(gap.from));
@@ -149,7 +149,8 @@ impl Agility {
         c_nb * variance * c_nb.transpose()
     }
 
-    /// The variance of the attitude that a part of a gap adds, per body axis, and that up to which it grows \[rad²\].
+    /// The variance of the attitude that a part of a gap adds, per body axis, and the upper limit of this variance
+    /// \[rad²\].
     pub(super) fn attitude(&self, gap: &Gap) -> (Vector3<f64>, Vector3<f64>) {
         let w = self.rate;
         let heading = core::f64::consts::PI.powi(2) / 3.0;
@@ -157,14 +158,14 @@ impl Agility {
         (w.component_mul(&w) * self.growth(gap), Vector3::new(tilt, tilt, heading))
     }
 
-    /// The most variance of the heading that a part of a gap adds per square of the speed \[rad²/(m/s)²\]; none of a vehicle
-    /// that can turn on the spot.
+    /// The largest variance of the heading that a part of a gap adds, per square of the speed \[rad²/(m/s)²\]. `None`
+    /// if the vehicle can turn on the spot.
     pub(super) fn by_speed(&self, gap: &Gap) -> Option<f64> {
         self.curvature.map(|curvature| curvature * curvature * self.growth(gap))
     }
 
-    /// Writes the noise of the attitude over a part of a gap. The speed is as uncertain as the velocity: a car that stood
-    /// may have driven off.
+    /// Writes the noise of the attitude over a part of a gap. The speed is as uncertain as the velocity: a standing car
+    /// may have started.
     pub(super) fn turn(&self, gap: &Gap, attitude: Slot<Attitude>, velocity: Slot<Velocity>, speed: f64, out: &mut Transition) {
         let (variance, bound) = self.attitude(gap);
         out.noise_up_to(attitude, &variance, &bound);

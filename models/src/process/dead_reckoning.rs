@@ -1,16 +1,16 @@
 //! Dead reckoning by an attitude reference and the vehicle's velocity in its own axes: for logs without
 //! accelerometers.
 //!
-//! Input      attitude q of a reference at the end of a sample; the sample before gives that at its start
+//! Input      attitude q of a reference at the end of a sample; the previous sample gives it at the start
 //! States     `position` (geodetic); `body_velocity` u over ground, forward, right, down \[m/s\]; where estimated
 //!            `heading_offset` o, clockwise from the reference's heading to the true one, and `drift` d, a
-//!            velocity north, east, down that the vehicle's axes do not tell
+//!            velocity north, east, down that is not in the vehicle's axes
 //! Model      ṙ = R_z(o) C(q) u + d;  u and d by their own dynamics. A surge-speed process along the heading is
 //!            a u whose sway and heave have no noise
 //! Discrete   C at the middle of the sample, so that a sample may be split anywhere; Φ its exact derivative
 //! Signals    `velocity`, `attitude` R_z(o) q, `angular_rate` between two samples, without the Earth's
-//! Measured   u by a Doppler log or a water log (`body_velocity`, `odometer`), where there is one; drop-outs leave
-//!            u to its dynamics
+//! Measured   u by a Doppler log or a water log (`body_velocity`, `odometer`), if there is one; in drop-outs u
+//!            follows its dynamics
 //! Not here   errors of the reference's tilt; its heading errors are o
 
 use super::strapdown::pairing::{Mode, Pairing, neighbour};
@@ -33,10 +33,10 @@ use serde::Deserialize;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DeadReckoningSpec {
-    /// Initial 1σ of position, north east down; it starts at the origin, or at the position that an
-    /// initialiser gives.
+    /// Initial 1σ of position, north east down. The position starts at the origin, or at the position from an
+    /// initialiser.
     position_sigma: Axes<dim::Length, range::NonNegative>,
-    /// Random walk of the position, north east down: what neither velocity nor drift contains.
+    /// Random walk of the position, north east down: motion that is neither in the velocity nor in the drift.
     #[serde(default)]
     position_noise: Axes<dim::PositionRandomWalk, range::NonNegative>,
     /// Initial 1σ of the velocity, forward right down; with `velocity_time` also the stationary 1σ.
@@ -46,10 +46,10 @@ pub struct DeadReckoningSpec {
     velocity_noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
     /// Correlation time of a velocity that returns to zero; without it the velocity is a random walk.
     velocity_time: Option<Positive<dim::Duration>>,
-    /// From the reference's heading to the true one, clockwise; estimated as the state `heading_offset`.
+    /// From the reference's heading to the true heading, clockwise; estimated as the state `heading_offset`.
     #[serde(default)]
     heading_offset: ScalarParam<dim::Angle>,
-    /// Velocity beside that in the vehicle's axes, north east down; estimated as the state `drift`.
+    /// Velocity in addition to that in the vehicle's axes, north east down; estimated as the state `drift`.
     #[serde(default)]
     drift: VectorParam<dim::Speed>,
 }
@@ -69,7 +69,7 @@ drift = { estimate = true, initial = [0, 0, 0], sigma = ["0.2 m/s", "0.2 m/s", 0
 
 /// Numbers of an attitude.
 const SAMPLE: usize = 4;
-/// The longest step \[s\]: within it the walk of the velocity does not move the position.
+/// The longest step \[s\]: within it, the random walk of the velocity does not move the position.
 const LONGEST_STEP: f64 = 0.5;
 
 #[typetag::deserialize(name = "dead_reckoning")]
@@ -121,11 +121,11 @@ struct DeadReckoning {
     position_psd: Matrix3<f64>,
 }
 
-/// What a sample says of the attitude.
+/// The attitude from a sample.
 struct Turned {
-    /// In the middle of its interval.
+    /// The attitude in the middle of its interval.
     middle: UnitQuaternion<f64>,
-    /// At its end.
+    /// The attitude at its end.
     end: UnitQuaternion<f64>,
     /// Rate of turn \[rad/s\].
     rate: Vector3<f64>,
@@ -135,7 +135,7 @@ impl Turned {
     fn of(input: &Input<'_>) -> Self {
         let attitude = |s: &[f64]| so3::from_scalar_first(&Vector4::new(s[0], s[1], s[2], s[3]));
         let end = attitude(input.sample);
-        // A sample that is held turns nothing.
+        // A held sample does not turn.
         let Some(before) = neighbour(input, SAMPLE).filter(|_| input.interval > 0.0) else {
             let (middle, rate) = (end, Vector3::zeros());
             return Self { middle, end, rate };
@@ -150,7 +150,7 @@ impl Turned {
 }
 
 impl DeadReckoning {
-    /// The true attitude, where the reference has `q`.
+    /// The true attitude if the reference gives `q`.
     fn attitude(&self, x: &[f64], q: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
         let offset = self.heading_offset.stored(x).unwrap_or_default();
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), offset) * q

@@ -1,4 +1,4 @@
-//! Strapdown navigation whose turning comes from an attitude reference instead of gyros.
+//! Strapdown navigation that takes its rotation from an attitude reference instead of gyros.
 //!
 //! Input      mean specific force f_m \[m/s²\] over a sample, and the reference's attitude q_nb at
 //!            its end; the sample before gives that at its start
@@ -10,13 +10,12 @@
 //!            position and velocity:  Φ_aa = Exp(w_nb_b Δt)ᵀ, Φ_ag = −J_r(w_nb_b Δt) Δt, exact
 //! Signals    `angular_rate` w_ib_b = w_nb_b + C_nbᵀ w_in_n \[rad/s\], `acceleration` \[m/s²\]
 //! Cascaded   an attitude filter, the stage `filter`, drives this process; the sensor `attitude` on the same
-//!            stage holds the attitude to the reference's. With a small sigma the attitude is the
-//!            reference's own; with the reference's true 1σ, position fixes may correct what the
-//!            reference gets wrong. So one model serves the cascade and what lies between it and
-//!            a filter that owns the attitude
-//! Mind       the same gyros come in twice: `attitude_noise` and the sensor's sigma must hold what
-//!            the reference's errors have in common
-//! Drift      a reference that takes its gyro bias out, or is held by a compass, does not drift: leave b_g out
+//!            stage holds the attitude to the reference's. With a small sigma the attitude equals the
+//!            reference's; with the reference's true 1σ, position fixes may correct its errors. So one model
+//!            covers the cascade, a filter that owns the attitude, and the cases between them
+//! Mind       the same gyros enter twice: `attitude_noise` and the sensor's sigma must include the common
+//!            errors of the reference
+//! Drift      a reference that removes its gyro bias, or is held by a compass, does not drift: leave b_g out
 
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::{Gravity, LocalEarth};
@@ -102,20 +101,20 @@ impl ProcessSpec for ExternalAttitudeSpec {
 
 /// Numbers of a sample: specific force, attitude.
 const SAMPLE: usize = 7;
-/// Of those, specific force.
+/// The specific force among these numbers.
 const FORCE: usize = 3;
 
-/// By how much the numbers of a sample may change; a quaternion may change its sign.
+/// The largest changes of the numbers of a sample; a quaternion may change its sign.
 fn changes(agility: &Agility) -> [f64; SAMPLE] {
     let [_, _, _, x, y, z] = agility.changes();
     let any = f64::INFINITY;
     [x, y, z, any, any, any, any]
 }
 
-/// The rate of the reference \[rad/s\] over a sample of specific force and attitude; none over a sample that is held.
+/// The rate of the reference \[rad/s\] over a sample of specific force and attitude; `None` over a held sample.
 fn turning(input: &Input<'_>) -> Option<Vector3<f64>> {
     let attitude = |s: &[f64]| so3::from_scalar_first(&Vector4::new(s[3], s[4], s[5], s[6]));
-    // The neighbours here come before.
+    // The neighbours here come before the sample.
     let other = neighbour(input, SAMPLE).filter(|_| input.interval > 0.0)?;
     Some(so3::log(&(attitude(other.sample).inverse() * attitude(input.sample))) / input.interval)
 }
@@ -132,7 +131,7 @@ struct ExternalAttitude {
     accel_psd: Matrix3<f64>,
     gravity: Gravity,
     agility: Agility,
-    /// By how much the numbers of a sample may change.
+    /// The largest changes of the numbers of a sample.
     changes: [f64; SAMPLE],
 }
 
@@ -140,7 +139,7 @@ struct ExternalAttitude {
 struct Step {
     nav: Nav,
     w_nb_b: Vector3<f64>,
-    /// Whether the reference turned it, and drifted.
+    /// True if the reference turned and drifted in this step.
     is_turned: bool,
     w_ib_b: Vector3<f64>,
     f_ib_b: Vector3<f64>,
@@ -229,7 +228,7 @@ impl Process for ExternalAttitude {
     }
 
     fn coast(&self, x: &mut [f64], gap: &Gap, motion: &[f64], sample: &mut [f64], out: &mut Transition) -> bool {
-        // A sample that is held turns nothing, whatever its attitude.
+        // A held sample does not turn, whatever its attitude.
         let mut force = [0.0; 2 * FORCE];
         if let Some(motion) = motion.get(FORCE..2 * FORCE) {
             force[FORCE..].copy_from_slice(motion);
@@ -251,7 +250,7 @@ impl Process for ExternalAttitude {
             return;
         }
         let b = self.blocks(&s);
-        // w_ib_b = w_nb_b + C_nbᵀ w_in: the error model's δw_nb_b = −C_nbᵀ δw_in − … turned round.
+        // w_ib_b = w_nb_b + C_nbᵀ w_in: the sign of the error model's δw_nb_b = −C_nbᵀ δw_in − … is reversed.
         out.add(self.angular_rate, self.kinematic.slots.position, &-b.ar);
         out.add(self.angular_rate, self.kinematic.slots.velocity, &-b.av);
         out.add(self.angular_rate, self.kinematic.slots.attitude, &so3::skew(&(s.w_ib_b - s.w_nb_b)));

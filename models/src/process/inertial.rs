@@ -1,12 +1,11 @@
-//! An inertial unit that drives a process: what its sensors are declared to be, and what is made of
-//! their samples.
+//! An inertial unit that drives a process: the declared properties of its sensors, and the correction of its samples.
 //!
 //! Corrected  w = (w_m − b_g)/(1 + s_g),  f = (f_m − b_a)/(1 + s_a), per axis
 //! Vibration  the accelerometers' noise may follow it: `vibration.rs`
 //! Turns      the gyros' noise may grow with the rate: N² ← N² + (k |w|)² on every axis
-//! Slow input a sample of more than [`LONGEST_STEP`] is integrated in pieces, and as only its mean is
-//!            known Q gains what a change from the neighbour's rate and force may move attitude and
-//!            velocity by within it: (T Δw)²/8, (T Δf)²/8 per axis and sample
+//! Slow input a sample of more than [`LONGEST_STEP`] is integrated in pieces. Only its mean is known, so Q gains the
+//!            possible effect of the change from the neighbour's rate and force on attitude and velocity:
+//!            (T Δw)²/8, (T Δf)²/8 per axis and sample
 
 use super::kinematic::{Felt, psd, value};
 use super::strapdown::discrete::{Slots, times_diagonal};
@@ -36,8 +35,9 @@ pub struct GyroSpec {
     /// Scale factor error; estimated as the state `gyro_scale`.
     #[serde(default)]
     scale: VectorParam<dim::Ratio>,
-    /// White noise that grows with the rate of turn: on every axis this times its magnitude, beside `noise`. Errors of
-    /// scale, alignment and sampling that differ from turn to turn, which one `scale` does not take.
+    /// White noise that grows with the rate of turn, in addition to `noise`: on every axis this value times the
+    /// magnitude of the rate. For errors of scale, alignment and sampling that differ from turn to turn, which a
+    /// constant `scale` does not describe.
     #[serde(default)]
     scale_noise: NonNegative<dim::ScaleNoise>,
 }
@@ -54,15 +54,14 @@ pub struct AccelerometerSpec {
     /// Scale factor error; estimated as the state `accel_scale`.
     #[serde(default)]
     scale: VectorParam<dim::Ratio>,
-    /// The window over which vibration is measured: the noise is then at least what the force scatters by
-    /// in it, per axis. 0 for a noise that is constant.
+    /// The window over which vibration is measured: per axis, the noise is then at least the scatter of the force in
+    /// it. 0 for constant noise.
     #[serde(default)]
     vibration: NonNegative<dim::Duration>,
 }
 
-/// The longest step of one linearisation \[s\]: a turn of 0.5 rad/s is 0.1 rad then, and what a series
-/// for Φ leaves out of it 0.5 %. Inertial units are read at 50 Hz and more; slower ones leave open what
-/// the body does between two samples.
+/// The longest step of one linearisation \[s\]. In it, a turn of 0.5 rad/s is 0.1 rad, and a series for Φ neglects 0.5
+/// %. Inertial units run at 50 Hz and more; with slower units the motion between two samples is unknown.
 pub const LONGEST_STEP: f64 = 0.2;
 
 /// Numbers of an inertial sample: angular rate, specific force.
@@ -79,16 +78,16 @@ pub(super) struct Inertial {
     /// The densities of white noise, per axis.
     gyro_psd: Vector3<f64>,
     accel_psd: Vector3<f64>,
-    /// What the density of the gyros' noise grows by with the square of the rate.
+    /// Growth of the density of the gyros' noise with the square of the rate.
     gyro_scale_psd: f64,
-    /// By which neighbour a sample is corrected for coning and sculling.
+    /// Which neighbour corrects a sample for coning and sculling.
     correction: Option<Mode>,
     /// The window of vibration \[s\].
     vibration: Option<f64>,
 }
 
-/// Rate and force of a step, free of the known errors of the sensors: what they are, and how they change
-/// with bias and scale.
+/// Corrected rate and force of a step, free of the known errors of the sensors, and their derivatives by bias and
+/// scale.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Corrected {
     pub(super) rate: Vector3<f64>,
@@ -97,7 +96,7 @@ pub(super) struct Corrected {
 }
 
 impl Corrected {
-    /// What another sample of the sensor says.
+    /// The corrected value of another sample of the sensor.
     #[inline]
     fn also(&self, measured: &[f64]) -> Vector3<f64> {
         (Vector3::new(measured[0], measured[1], measured[2]) - self.bias).component_mul(&self.gain)
@@ -116,7 +115,7 @@ impl Corrected {
     }
 }
 
-/// What a sensor's error model makes of what it measures.
+/// The error model of a sensor, which corrects its samples.
 struct Correction {
     bias: Vector3<f64>,
     gain: Vector3<f64>,
@@ -125,7 +124,7 @@ struct Correction {
 impl Correction {
     #[inline]
     fn new(bias: Vector3<f64>, scale: &Vector3<f64>) -> Self {
-        // Most sensors are given no scale error.
+        // Most sensors have no scale error.
         let gain = if *scale == Vector3::zeros() {
             Vector3::repeat(1.0)
         } else {
@@ -134,7 +133,7 @@ impl Correction {
         Self { bias, gain }
     }
 
-    /// What the sensor measures of a true `rate`.
+    /// The output of the sensor for a true `rate`.
     fn measured(&self, rate: &Vector3<f64>) -> Vector3<f64> {
         rate.component_div(&self.gain) + self.bias
     }
@@ -191,24 +190,23 @@ impl Inertial {
         Correction::new(value(&self.accel_bias, x), &value(&self.accel_scale, x))
     }
 
-    /// w_ib_b \[rad/s\] and f_ib_b \[m/s²\] of a sample as it stands.
+    /// Corrected w_ib_b \[rad/s\] and f_ib_b \[m/s²\] of a sample, without coning and sculling.
     #[inline]
     pub(super) fn corrected(&self, x: &[f64], input: &Input<'_>) -> (Corrected, Corrected) {
         (self.gyro(x).of(&input.sample[..3]), self.accelerometer(x).of(&input.sample[3..IMU]))
     }
 
-    /// The constant rate and force that stand for a sample: coning and sculling added, where a neighbour
-    /// tells of them.
+    /// The constant rate and force that replace a sample: with coning and sculling, if it has a neighbour.
     pub(super) fn driving(&self, x: &[f64], input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
         self.driven(&self.corrected(x, input), input)
     }
 
-    /// The same of a sample that is corrected already.
+    /// The same from a corrected sample.
     #[inline]
     pub(super) fn driven(&self, (gyro, accelerometer): &(Corrected, Corrected), input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
         let (mut w, mut f) = (gyro.rate, accelerometer.rate);
         let other = self.correction.and_then(|_| neighbour(input, IMU));
-        // The first sample of a stream covers no time and corrects nothing.
+        // The first sample of a stream covers no time and does not correct another sample.
         if let Some(other) = other.filter(|other| other.interval > 0.0) {
             let (w2, f2) = (gyro.also(&other.sample[..3]), accelerometer.also(&other.sample[3..IMU]));
             let (we, fe, wl, fl) = if other.is_earlier { (w2, f2, w, f) } else { (w, f, w2, f2) };
@@ -265,7 +263,7 @@ impl Inertial {
         }
     }
 
-    /// The sample under which the sensors feel `rate` and `force`.
+    /// The sample that the sensors measure for true `rate` and `force`.
     pub(super) fn feel(&self, x: &[f64], rate: &Vector3<f64>, force: &Vector3<f64>, sample: &mut [f64]) {
         sample[..3].copy_from_slice(self.gyro(x).measured(rate).as_slice());
         sample[3..IMU].copy_from_slice(self.accelerometer(x).measured(force).as_slice());
@@ -287,9 +285,9 @@ impl Inertial {
     }
 }
 
-/// The density of noise on rate and on force, per axis, that stands for their unknown course within a long sample.
-/// Where they change by Δ from one sample to the next, their integral is off in the middle by ΔT/8 if they
-/// do so steadily, by ΔT/2 if they jump there; a density of T Δ²/8 has a 1σ of ΔT/4 there.
+/// The density of noise on rate and on force, per axis, for their unknown course within a long sample. If they change
+/// by Δ from one sample to the next, their integral is wrong in the middle by ΔT/8 for a steady change and by ΔT/2 for
+/// a jump there. A density of T Δ²/8 has a 1σ of ΔT/4 there.
 fn within_sample(input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
     let other = neighbour(input, IMU).filter(|other| other.interval > 0.0);
     let density = |from: usize| {

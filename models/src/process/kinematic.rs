@@ -1,4 +1,4 @@
-//! What the processes of inertial navigation have in common.
+//! The common part of the processes of inertial navigation.
 
 use super::agility::{Agility, Fading};
 use super::strapdown::discrete::Slots;
@@ -32,7 +32,8 @@ impl Kinematic {
         Ok(Self { slots })
     }
 
-    /// The motion for [`Kinematic::coast`]: `felt` minus the rate and force of a vehicle at constant velocity and attitude.
+    /// The motion for [`Kinematic::coast`]: `felt` minus the rate and force of a vehicle at constant velocity and
+    /// attitude.
     pub(super) fn motion(&self, x: &[f64], felt: &Felt, gravity: Gravity, motion: &mut Vec<f64>) {
         let steady = Felt::unmoved(&self.read(x), gravity);
         motion.extend_from_slice((felt.w_ib_b - steady.w_ib_b).as_slice());
@@ -40,7 +41,7 @@ impl Kinematic {
     }
 
     /// Moves them through a part of a gap in the input: the `motion` at its beginning fades away, and the vehicle's
-    /// agility is the noise. Returns the rate and force that inertial sensors without errors would feel.
+    /// agility is the noise. Returns the rate and force that ideal inertial sensors would measure.
     pub(super) fn coast(
         &self,
         x: &mut [f64],
@@ -62,7 +63,7 @@ impl Kinematic {
         out.set(self.slots.position, self.slots.attitude, &(-b.rv * c_nb * so3::skew(&fading.path)));
         out.noise_trapezoid(self.slots.velocity, self.slots.velocity, &agility.velocity(gap, &c_nb));
         agility.turn(gap, self.slots.attitude, self.slots.velocity, nav.v_eb_n.xy().norm(), out);
-        // The radii of mid-step, as the mechanisation takes them.
+        // The radii of mid-step, as in the mechanisation.
         let travelled = nav.v_eb_n * dt + c_nb * fading.path;
         let earth = LocalEarth::at(&nav.position.offset(&(travelled * 0.5)));
         let position = Place {
@@ -120,7 +121,7 @@ impl<P: Manifold> Slots<P> {
     }
 }
 
-/// What inertial sensors without errors feel.
+/// The measurements of ideal inertial sensors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Felt {
     /// Angular rate \[rad/s\].
@@ -130,7 +131,7 @@ pub(super) struct Felt {
 }
 
 impl Felt {
-    /// On a body that keeps its velocity and attitude relative to the Earth.
+    /// For a body that keeps its velocity and attitude relative to the Earth.
     fn unmoved(nav: &Nav, gravity: Gravity) -> Self {
         let earth = LocalEarth::at(&nav.position);
         let (w_ie, w_en) = (earth.earth_rate_n(), earth.transport_rate_n(&nav.v_eb_n));
@@ -143,8 +144,7 @@ impl Felt {
     }
 }
 
-/// The value of a parameter of a process. It is no signal: signals are what the process makes of
-/// its parameters.
+/// The value of a parameter of a process. Parameters are not signals: the process computes signals from its parameters.
 #[inline]
 pub(super) fn value(param: &Param<Vector<3>>, x: &[f64]) -> Vector3<f64> {
     param.stored(x).unwrap_or_default()

@@ -1,9 +1,9 @@
 //! Accelerometer noise that follows the vibration of the vehicle.
 //!
 //! Density    N_a² ← max(N_a², var f · Δt) per axis, var f the variance of the specific force about its mean over
-//!            the last seconds, Δt the interval of the sample: what scatters from sample to sample is noise of
-//!            that density where it averages out, and an upper bound where it swings
-//! Sample     the three densities [(m/s²)²/Hz] behind what other preparations add
+//!            the last seconds, Δt the interval of the sample. If the force scatters from sample to sample,
+//!            it averages out like noise of this density; if it swings, this density is an upper bound
+//! Sample     the three densities [(m/s²)²/Hz] after the numbers of other preparations
 //! Valid      for vehicles whose own accelerations change slowly in the window
 
 use super::inertial::IMU;
@@ -12,13 +12,12 @@ use fusion_core::model::{Input, Preparation, Prepared};
 use nalgebra::Vector3;
 use std::collections::VecDeque;
 
-/// Numbers that it adds to a sample.
+/// The number of values that it adds to a sample.
 const ADDED: usize = 3;
-/// Of an inertial sample, where the specific force begins.
+/// The index of the specific force in an inertial sample.
 const FORCE: usize = 3;
 
-/// The densities that the preparation has added to a sample; none where the sample is held beyond its
-/// interval.
+/// The densities that the preparation has added to a sample; `None` if the sample is held beyond its interval.
 pub(super) fn density(input: &Input<'_>) -> Option<Vector3<f64>> {
     let (_, added) = input.sample.get(IMU..)?.split_last_chunk::<ADDED>()?;
     Some(Vector3::from(*added))
@@ -27,7 +26,7 @@ pub(super) fn density(input: &Input<'_>) -> Option<Vector3<f64>> {
 /// Watches the specific force over a window.
 #[derive(Debug)]
 pub(super) struct Vibration {
-    /// What else extends the samples.
+    /// The preparation that also extends the samples.
     inner: Option<Box<dyn Preparation>>,
     prepared: Prepared,
     /// Length of the window \[s\].
@@ -79,7 +78,7 @@ impl Vibration {
         squares / (n - 1.0).max(1.0) * (self.length / n)
     }
 
-    /// Passes on what the inner preparation has written, with the densities behind.
+    /// Passes on the output of the inner preparation, followed by the densities.
     fn pass_on(&mut self, out: &mut Prepared) {
         let density = self.density();
         for sample in self.prepared.samples() {
@@ -113,7 +112,7 @@ mod tests {
     use super::*;
     use crate::process::strapdown::pairing::{Mode, Pairing, neighbour};
 
-    /// The densities of the last of `seconds` of 100 Hz samples, with what is found of the neighbour.
+    /// The densities of the last of `seconds` of 100 Hz samples, and whether it has a neighbour.
     fn after(seconds: f64, inner: Option<Box<dyn Preparation>>, force: impl Fn(f64) -> f64) -> (Vector3<f64>, bool) {
         let (mut vibration, mut out) = (Vibration::new(1.0, inner), Prepared::default());
         let mut last = None;
@@ -140,7 +139,7 @@ mod tests {
         assert!((found.x / (0.35 * 0.35 / 2.0 * 0.01) - 1.0).abs() < 0.025, "{found}");
         // Rounding of a mean of 9.8.
         assert!(found.y < 1e-20 && found.z < 1e-20 && has_neighbour, "{found}");
-        // A second after the swing has ended it is forgotten; without other preparations there is no neighbour.
+        // One second after the swing has ended it has no effect; without other preparations there is no neighbour.
         let (found, has_neighbour) = after(3.2, None, |t| if t < 2.0 { swing(t) } else { 0.0 });
         assert!(found.x == 0.0 && !has_neighbour, "{found}");
     }

@@ -6,12 +6,12 @@
 //!            `part = "navigation"`  ε = Log(z h⁻¹), about north, east, down
 //!            `part = "tilt"`        its north and east rows
 //!            `part = "heading"`     its down row: a turn about the vertical, at any pitch
-//! Jacobian   of all: ∂r/∂δφ_b = C_bsᵀ,  ∂r/∂δμ = I₃ for the mounting C_bs Exp(δμ);
-//!            of the others: their rows of C_nb and of C_ns; exact at r = 0, beyond it to first order in r
-//! Parts      for an attitude that is measured in part only: what made it of the vertical tells no
-//!            heading, what made it of the magnetic field no tilt
-//! Valid      errors of the source that are white; a filter's output is not: its sigma must hold
-//!            the correlated part, and a second use of the same gyros
+//! Jacobian   of `all`: ∂r/∂δφ_b = C_bsᵀ,  ∂r/∂δμ = I₃ for the mounting C_bs Exp(δμ);
+//!            for the other parts: their rows of C_nb and of C_ns; exact at r = 0, beyond it to first order in r
+//! Parts      for an attitude that is measured only in part: an attitude made from the vertical contains
+//!            no heading, an attitude made from the magnetic field no tilt
+//! Valid      white errors of the source. The output of a filter is not white: its sigma must include
+//!            the correlated part, and the second use of the same gyros
 //! Source     Sola, Deray, Atchuthan 2018 (arXiv 1812.01537), eqs. 66-71
 
 use super::{NED, XYZ};
@@ -35,29 +35,29 @@ pub struct AttitudeSpec {
     /// Roll, pitch, yaw of the sensor's axes in the body: x_body = C(mounting) x_sensor.
     #[serde(default)]
     mounting: RotationParam,
-    /// What of the attitude is measured.
+    /// Which part of the attitude is measured.
     #[serde(default)]
     part: Part,
 }
 
-/// What of an attitude is measured.
+/// The measured part of an attitude.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 enum Part {
-    /// All of it: three rows, about the sensor's axes.
+    /// The whole attitude: three rows, about the sensor's axes.
     #[default]
     All,
-    /// All of it: three rows, about north, east and down, as an attitude reference states its accuracy:
-    /// level axes, and the heading.
+    /// The whole attitude: three rows, about north, east and down. An attitude reference states its accuracy so: level
+    /// axes, and the heading.
     Navigation,
-    /// The tilt alone: two rows, about north and east.
+    /// Only the tilt: two rows, about north and east.
     Tilt,
-    /// The heading alone: one row, about down.
+    /// Only the heading: one row, about down.
     Heading,
 }
 
 impl Part {
-    /// The navigation axes of the rows; none of them where the rows are about the sensor's.
+    /// The navigation axes of the rows; `None` if the rows are about the sensor's axes.
     fn navigation_axes(self) -> Option<Range<usize>> {
         match self {
             Self::All => None,
@@ -222,7 +222,7 @@ mod tests {
         Attitude::write(&(q * so3::exp(&turn) * from_rpy(0.0, 0.0, 1.0)), &mut z);
         for sign in [1.0, -1.0] {
             model.residual(&z.map(|v| sign * v), &h, &mut r);
-            // Seen from the sensor, whose axes are a yaw of 1 rad away; 1e-15: rounding.
+            // As the sensor sees it, with axes a yaw of 1 rad away; 1e-15: rounding.
             let seen = from_rpy(0.0, 0.0, 1.0).inverse() * turn;
             assert!((Vector3::from(r) - seen).norm() < 1e-15, "{r:?}");
         }
@@ -270,7 +270,7 @@ mod tests {
             model.residual(&z, &h, &mut r);
             r
         };
-        // 1e-15: rounding; close to straight up, where roll and yaw have no meaning of their own.
+        // 1e-15: rounding; close to straight up, where only the sum of roll and yaw is defined.
         assert!(Vector3::from(rows(Part::Heading, Vector3::new(0.1, -0.2, 0.0))).amax() < 1e-15);
         assert!(Vector3::from(rows(Part::Tilt, Vector3::new(0.0, 0.0, 0.3))).amax() < 1e-15);
         assert!((Vector3::from(rows(Part::Tilt, Vector3::new(0.1, -0.2, 0.0))) - Vector3::new(0.1, -0.2, 0.0)).amax() < 1e-15);

@@ -6,8 +6,8 @@
 //! Jacobian   ∂h/∂δv = −∂h/∂c = k C_bsᵀ C_nbᵀ,  ∂h/∂δφ_b = k C_bsᵀ [C_nbᵀ (v − c) ×],
 //!            ∂h/∂w = −k C_bsᵀ [l ×],  ∂h/∂l = k C_bsᵀ [w ×],  ∂h/∂δμ = k [u_s ×],  ∂h/∂κ = u_s,
 //!            ∂h/∂b = I₃,  k = 1 + κ
-//! Water      c is the velocity of the water, 0 for bottom track. Estimated it is told from the vehicle's
-//!            own by what measures position or velocity over ground; several logs may share one
+//! Water      c is the velocity of the water, 0 for bottom track. An estimated c is separated from the vehicle's
+//!            velocity by sensors of position or velocity over ground; several logs may share one c
 //! Beams      the beams of a Doppler log are directions too: the sensor `dvl`
 //! Here       C_bs is the mounting: the attitude of the axes s in the body, x_b = C_bs x_s, with
 //!            the right perturbation C_bs Exp(δμ). A nonholonomic constraint does not see δμ
@@ -48,10 +48,10 @@ pub struct BodyVelocitySpec {
     /// Scale error κ: the sensor reads (1 + κ) of the velocity.
     #[serde(default)]
     pub(super) scale: ScalarParam<dim::Ratio>,
-    /// Bias in the sensor's axes: what it reads too much.
+    /// Bias in the sensor's axes, added to the true velocity.
     #[serde(default)]
     pub(super) bias: VectorParam<dim::Speed>,
-    /// Velocity of the water over ground, north east down: for a log that sees the water, not the bottom.
+    /// Velocity of the water over ground, north east down: for a log that measures against the water, not the bottom.
     #[serde(default)]
     pub(super) current: VectorParam<dim::Speed>,
 }
@@ -69,14 +69,13 @@ current = { estimate = true, initial = ["30 cm/s", 0, 0], sigma = ["0.5 m/s", "0
 "#
 );
 
-/// Speed along the forward axis of a vehicle: an odometer, a wheel encoder, a water log. It tells nothing of motion aside
-/// and down, which drifts by itself: add a sensor `nonholonomic` where the vehicle does not slip, or hardly; of a water log
-/// with the `current` shared with this one.
+/// Speed along the forward axis of a vehicle: an odometer, a wheel encoder, a water log. It does not measure motion
+/// sideways and down, so these velocities drift. Add a sensor `nonholonomic` if the vehicle hardly slips; for a water
+/// log let both sensors share the `current`.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OdometerSpec {
-    /// Where the speed is sensed, in body axes from the body origin (the IMU): a wheel, the
-    /// middle of the rear axle.
+    /// Where the speed is measured, in body axes from the body origin (the IMU): a wheel, the middle of the rear axle.
     #[serde(default)]
     lever_arm: VectorParam<dim::Length>,
     /// Roll, pitch, yaw of the vehicle's axes in the body: x_body = C(mounting) x_vehicle.
@@ -85,7 +84,7 @@ pub struct OdometerSpec {
     /// Scale error κ: the sensor reads (1 + κ) of the speed.
     #[serde(default)]
     scale: ScalarParam<dim::Ratio>,
-    /// Velocity of the water over ground, north east down: for a log that sees the water.
+    /// Velocity of the water over ground, north east down: for a log that measures against the water.
     #[serde(default)]
     current: VectorParam<dim::Speed>,
 }
@@ -101,8 +100,8 @@ scale = { estimate = true, initial = "1 %", sigma = "3 %", random_walk = "0.01 %
 "#
 );
 
-/// Pseudo-measurement: the velocity of a wheeled or tracked vehicle has no component sideways or
-/// up; that of a boat none sideways through the water.
+/// Pseudo-measurement: a wheeled or tracked vehicle has no velocity sideways or up, a boat has no velocity sideways
+/// through the water.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NonholonomicSpec {
@@ -236,7 +235,7 @@ impl SensorSpec for NonholonomicSpec {
     }
 }
 
-/// The runtime model of them all.
+/// The runtime model of these sensors.
 #[derive(Clone, Debug)]
 pub(super) struct BodyVelocity {
     velocity: Quantity<Velocity>,
@@ -247,7 +246,7 @@ pub(super) struct BodyVelocity {
     scale: Param<Scalar>,
     bias: Param<Vector<3>>,
     current: Param<Vector<3>>,
-    /// What is measured, in order: unit vectors in the sensor's axes.
+    /// The measured directions, in order: unit vectors in the sensor's axes.
     pub(super) directions: Vec<Vector3<f64>>,
 }
 
@@ -279,7 +278,7 @@ impl BodyVelocity {
         })
     }
 
-    /// `C_nbᵀ (v − c)`, the body's own velocity in body axes, and `u_b`, that of the point.
+    /// `C_nbᵀ (v − c)`, the body's velocity in body axes, and `u_b`, the velocity of the point.
     fn velocities(&self, at: &View<'_>) -> (Vector3<f64>, Vector3<f64>) {
         let v_n = at.get(&self.velocity) - at.get(&self.current);
         let v_b = at.get(&self.attitude).inverse_transform_vector(&v_n);

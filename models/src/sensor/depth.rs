@@ -4,7 +4,7 @@
 //! Predicted  h(x) = s − h_a + b,  h_a = h_b − e₃ᵀ C_nb l_ba_b, s height of the surface
 //! Jacobian   ∂h/∂δr = \[0 0 1\],  ∂h/∂δφ_b = −e₃ᵀ C_nb [l ×],  ∂h/∂l = e₃ᵀ C_nb,
 //!            ∂h/∂s = 1,  ∂h/∂b = 1
-//! Valid      s and b are told apart only by what else knows either of them
+//! Valid      s and b can only be separated if another sensor or an initial σ determines one of them
 //! Not here   waves (noise, or a Gauss-Markov `surface`), water density
 
 use super::vertical::Vertical;

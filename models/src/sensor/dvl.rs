@@ -5,12 +5,12 @@
 //! Predicted  dᵢᵀ of what `body_velocity` predicts, dᵢ = [sin θ cos αᵢ, sin θ sin αᵢ, cos θ]: θ the angle of the beams
 //!            from the sensor's down axis, αᵢ the azimuth of beam i, clockwise from its forward axis
 //! Jacobian   dᵢᵀ of that of `body_velocity`; lever arm, mounting, scale, bias and current are the same
-//! Rows       each beam is a measurement of its own: it has its own gate, and one without an echo, whose number is
-//!            none, leaves the others. Two beams tell a plane of the velocity, three all of it
-//! Velocity   four beams a quarter of a turn apart, of 1σ s each, say the same as their velocity with 1σ of
+//! Rows       each beam is a separate measurement with its own gate. A beam without an echo has no number and
+//!            leaves the others unchanged. Two beams give the velocity in a plane, three give all of it
+//! Velocity   four beams a quarter of a turn apart, with 1σ s each, are equivalent to their velocity with 1σ of
 //!            s/(√2 sin θ) forward and right and s/(2 cos θ) down
-//! Valid      the beams see the same ground, or water that moves alike
-//! Not here   the fourth beam's disagreement with the others as a measure of quality: the gates judge it
+//! Valid      the beams see the same ground, or water with the same motion
+//! Not here   the difference between the fourth beam and the others as a measure of quality: the gates judge it
 //! Source     Brokloff 1994, Matrix algorithm for Doppler sonar navigation
 
 use super::body_velocity::{BodyVelocity, BodyVelocitySpec};
@@ -25,16 +25,16 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// What beams, and their channels, are called.
+/// The names of the beams and of their channels.
 const BEAMS: &[&str] = &["beam_1", "beam_2", "beam_3", "beam_4", "beam_5", "beam_6", "beam_7", "beam_8"];
 
-/// Velocities along the beams of a Doppler log, each a measurement of its own: channels `beam_1`, `beam_2` and so on.
+/// Velocities along the beams of a Doppler log, each a separate measurement: channels `beam_1`, `beam_2` and so on.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DvlSpec {
     /// Angle of the beams from the sensor's down axis, less than 90 deg; 20 to 30 deg are usual.
     beam_angle: Positive<dim::Angle>,
-    /// Azimuth of each beam, clockwise from the sensor's forward axis: one to eight of them.
+    /// Azimuth of each beam, clockwise from the sensor's forward axis: one to eight beams.
     azimuths: Vec<Angle>,
     /// Sensor position in body axes, from the body origin (the IMU).
     #[serde(default)]
@@ -45,10 +45,10 @@ pub struct DvlSpec {
     /// Scale error κ of all beams: they read (1 + κ) of the velocity.
     #[serde(default)]
     scale: ScalarParam<dim::Ratio>,
-    /// Bias in the sensor's axes: what the velocity would read too much.
+    /// Bias in the sensor's axes, added to the true velocity.
     #[serde(default)]
     bias: VectorParam<dim::Speed>,
-    /// Velocity of the water over ground, north east down: for a log that sees the water, not the bottom.
+    /// Velocity of the water over ground, north east down: for a log that measures against the water, not the bottom.
     #[serde(default)]
     current: VectorParam<dim::Speed>,
 }
@@ -69,7 +69,7 @@ current = { estimate = true, initial = ["30 cm/s", 0, 0], sigma = ["0.5 m/s", "0
 );
 
 impl DvlSpec {
-    /// The names of its beams; of more than are known, those that are.
+    /// The names of its beams, at most as many as there are names.
     fn beams(&self) -> &'static [&'static str] {
         &BEAMS[..self.azimuths.len().min(BEAMS.len())]
     }
@@ -123,7 +123,7 @@ impl SensorSpec for DvlSpec {
     }
 }
 
-/// The runtime model: components along directions that come and go one by one.
+/// The runtime model: components along directions that may be missing one by one.
 #[derive(Debug)]
 struct Beams(BodyVelocity);
 
@@ -161,7 +161,7 @@ mod tests {
         let (theta, s) = (22.5_f64.to_radians(), 0.03);
         let janus = spec("beam_angle = '22.5 deg'\nazimuths = ['-45 deg', '45 deg', '135 deg', '-135 deg']");
         let v = Vector3::new(1.2, -0.4, 0.3);
-        // HᵀR⁻¹H and HᵀR⁻¹z: all that an update takes of a measurement.
+        // HᵀR⁻¹H and HᵀR⁻¹z: an update needs only these.
         let (mut information, mut seen) = (Matrix3::zeros(), Vector3::zeros());
         for d in janus.directions().unwrap() {
             information += d * d.transpose() / (s * s);

@@ -74,7 +74,7 @@ pub(super) struct Fix {
     lever_arm: Param<Vector<3>>,
     bias: Param<Vector<3>>,
     rows: usize,
-    /// Numbers of the measurement: latitude, longitude, and a height where there is one.
+    /// Numbers of the measurement: latitude, longitude, and the height if it has one.
     values: usize,
 }
 
@@ -102,7 +102,7 @@ impl Fix {
         })
     }
 
-    /// Of latitude and longitude alone.
+    /// For latitude and longitude alone.
     pub(super) fn without_height(
         b: &mut Build<'_>,
         lever_arm: &VectorParam<dim::Length>,
@@ -112,14 +112,15 @@ impl Fix {
         Ok(Self { values: 2, ..fix })
     }
 
-    /// A place that was measured or predicted; on the ellipsoid where its height is not known.
+    /// A measured or predicted place; on the ellipsoid if its height is not known.
     fn place(&self, numbers: &[f64]) -> Place {
         let mut place = [0.0; 3];
         place[..self.values].copy_from_slice(&numbers[..self.values]);
         Geodetic::read(&place)
     }
 
-    /// What a residual without a height has of a metre north, east, down: an arc on the ellipsoid below over that at the body.
+    /// The factors north, east, down of a residual without a height: an arc on the ellipsoid below, divided by the same
+    /// arc at the body.
     fn below(&self, at: &View<'_>) -> Option<Matrix3<f64>> {
         if self.values == 3 {
             return None;

@@ -3,8 +3,8 @@
 //! Measured   z = heading \[rad\], clockwise from the sensor's north
 //! Predicted  h(x) = μ + b + s₁ sin μ + c₁ cos μ + s₂ sin 2μ + c₂ cos 2μ,  μ = ψ − D the magnetic heading,
 //!            ψ = atan2(C21, C11), D declination. b and the coefficients are the deviation of the compass with the
-//!            sign of an error: hard iron makes s₁ and c₁, soft iron s₂ and c₂. The coefficients A … E of a
-//!            deviation card, which is added to the compass, are those of the other sign
+//!            sign of an error: hard iron causes s₁ and c₁, soft iron s₂ and c₂. The coefficients A … E of a
+//!            deviation card, which is added to the compass, have the opposite sign
 //! Jacobian   ∂h/∂ψ = k = 1 + s₁ cos μ − c₁ sin μ + 2 s₂ cos 2μ − 2 c₂ sin 2μ;
 //!            ∂ψ/∂δφ_b = [0, C32, C33]/(C11² + C21²);  ∂h/∂b = 1,  ∂h/∂s₁ = sin μ and so on
 //! Residual   wrapped to (−π, π]
@@ -25,7 +25,7 @@ use nalgebra::{Matrix1, Matrix3, RowVector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// ψ and ∂ψ/∂δφ_b of an attitude `c_nb`; undefined where the nose points straight up or down.
+/// ψ and ∂ψ/∂δφ_b of an attitude `c_nb`; undefined if the nose points straight up or down.
 fn yaw(c_nb: &Matrix3<f64>) -> Result<(f64, RowVector3<f64>), Undefined> {
     if c_nb[(2, 0)].abs() > GIMBAL_LOCK_C31 {
         return Err(Undefined("the nose points straight up or down and has no heading"));
@@ -42,7 +42,7 @@ pub struct HeadingSpec {
     /// Heading bias, clockwise positive: the constant part of the deviation, misalignment.
     #[serde(default)]
     bias: ScalarParam<dim::Angle>,
-    /// Deviation that goes with the heading.
+    /// Deviation that depends on the heading.
     #[serde(default)]
     deviation: DeviationSpec,
     /// Magnetic declination: direction of the sensor's north, clockwise from true north.
@@ -50,21 +50,21 @@ pub struct HeadingSpec {
     declination: units::Angle,
 }
 
-/// What a compass reads too much, beside its bias, as a function of the magnetic heading: the vehicle's own field. It is
-/// learnt where the vehicle turns through all headings.
+/// The error of a compass, in addition to its bias, as a function of the magnetic heading: the effect of the vehicle's
+/// own field. It is identifiable if the vehicle turns through all headings.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct DeviationSpec {
-    /// Times the sine of the heading: hard iron, and the part of it ahead.
+    /// Factor of the sine of the heading: hard iron, and its part ahead.
     #[serde(default)]
     sin: ScalarParam<dim::Angle>,
-    /// Times its cosine: hard iron to the right.
+    /// Factor of the cosine of the heading: hard iron to the right.
     #[serde(default)]
     cos: ScalarParam<dim::Angle>,
-    /// Times the sine of twice the heading: soft iron.
+    /// Factor of the sine of twice the heading: soft iron.
     #[serde(default)]
     sin_2: ScalarParam<dim::Angle>,
-    /// Times the cosine of twice the heading.
+    /// Factor of the cosine of twice the heading.
     #[serde(default)]
     cos_2: ScalarParam<dim::Angle>,
 }
@@ -91,7 +91,7 @@ impl SensorSpec for HeadingSpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        // A planar process that estimates its heading knows it best.
+        // A planar process that estimates its heading provides it directly.
         let heading = match b.quantity(state::HEADING) {
             Ok(heading) => Source::Heading(heading),
             Err(_) => Source::Attitude(b.quantity(state::ATTITUDE)?),
@@ -117,7 +117,7 @@ enum Source {
 struct Deviation([Param<Scalar>; 4]);
 
 impl Deviation {
-    /// None where there is nothing to add.
+    /// `None` if there is no deviation.
     fn build(b: &mut Build<'_>, spec: &DeviationSpec) -> Result<Option<Self>, BuildError> {
         let all = [
             b.param("deviation.sin", &spec.sin)?,
@@ -129,7 +129,7 @@ impl Deviation {
         Ok((!all.iter().all(is_none)).then_some(Self(all)))
     }
 
-    /// What each coefficient is multiplied by at this magnetic heading.
+    /// The factor of each coefficient at this magnetic heading.
     fn waves(magnetic: f64) -> [f64; 4] {
         let ((s, c), (s_2, c_2)) = (magnetic.sin_cos(), (2.0 * magnetic).sin_cos());
         [s, c, s_2, c_2]

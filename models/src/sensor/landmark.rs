@@ -9,8 +9,8 @@
 //!            move over the ellipsoid \[rad/m\], 0 on a plane; ∂y/∂δφ_b = \[C_nbᵀ d ×\], ∂y/∂l = −I;
 //!            bearing and range by the chain rule
 //! Residual   azimuth and elevation wrapped to (−π, π]
-//! Valid      which landmark is which is known, and all of them are seen together: one that is not at
-//!            times is a sensor of its own. At the sensor there is no bearing, straight above it no azimuth
+//! Valid      which landmark is which is known, and all of them are seen together: a landmark that is sometimes
+//!            hidden is a separate sensor. At the sensor there is no bearing, straight above it no azimuth
 //! Not here   refraction, the mounting of the sensor's axes
 //! Source     the derivatives of C_nb ← C_nb Exp(δφ_b); Barrau and Bonnabel 2017, §V
 
@@ -33,9 +33,9 @@ use serde::Deserialize;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LandmarkSpec {
-    /// Where they are: geodetic places, or north, east, down of the origin of the run.
+    /// The places of the landmarks: geodetic, or north, east, down of the origin of the run.
     landmarks: Vec<Mark>,
-    /// What is measured of each.
+    /// The measured quantity of each landmark.
     #[serde(default)]
     measures: Measures,
     /// Sensor position in body axes, from the body origin (the IMU).
@@ -56,7 +56,7 @@ enum Mark {
     Geodetic(Place),
 }
 
-/// What is measured of a landmark.
+/// The measured quantity of a landmark.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 enum Measures {
@@ -145,7 +145,7 @@ impl SensorSpec for LandmarkSpec {
     }
 }
 
-/// The position that the landmarks are seen from.
+/// The position from which the landmarks are seen.
 #[derive(Debug)]
 enum From {
     /// Landmarks are in local axes.
@@ -157,7 +157,7 @@ enum From {
 /// The runtime model.
 #[derive(Debug)]
 struct Landmarks {
-    /// Where they are, in the axes of `place` \[m\].
+    /// The places of the landmarks, in the axes of `place` \[m\].
     marks: Vec<Vector3<f64>>,
     place: From,
     attitude: Quantity<Attitude>,
@@ -165,8 +165,8 @@ struct Landmarks {
     measures: Measures,
 }
 
-/// Where the body is: the axes n in those of the landmarks, the position there, and how the axes n turn
-/// per metre north, east, down \[rad/m\].
+/// The pose of the body: the axes n in those of the landmarks, and the position there. Also how the axes n turn per
+/// metre north, east, down \[rad/m\].
 struct Here {
     c: Matrix3<f64>,
     position: Vector3<f64>,
@@ -192,17 +192,17 @@ impl Landmarks {
         }
     }
 
-    /// Adds the rows of landmark `i`, `by_seen` being the derivative by what is seen.
+    /// Adds the rows of landmark `i`; `by_seen` is the derivative by the seen vector.
     fn add<M: Tangent<3>>(h: &mut Jacobian, i: usize, of: &Quantity<M>, by_seen: &Matrix3<f64>, seen: &Matrix3<f64>) {
         let block: SMatrix<f64, 3, 3> = by_seen * seen;
         h.add(3 * i, of, &block);
     }
 }
 
-/// Azimuth, elevation \[rad\] and range \[m\] of what is seen, and their derivative by it.
+/// Azimuth, elevation \[rad\] and range \[m\] of the seen vector, and their derivative by it.
 fn bearing_range(y: &Vector3<f64>) -> Result<(Vector3<f64>, Matrix3<f64>), Undefined> {
     let (level, range) = (y.xy().norm(), y.norm());
-    // Closer than a millimetre to the vertical a bearing means nothing.
+    // Within a millimetre of the vertical, a bearing has no meaning.
     if level < 1e-3 {
         return Err(Undefined("the landmark is at the sensor, or straight above or below it"));
     }
@@ -243,7 +243,7 @@ impl Measurement for Landmarks {
                 Measures::Vector => Matrix3::identity(),
                 Measures::BearingRange => bearing_range(&(d_b - l))?.1,
             };
-            // A vector that stays turns against axes that turn by W δr: by d × W δr.
+            // A constant vector turns relative to axes that turn by W δr: by d × W δr.
             let by_position = c_bn * (skew(&d) * here.turning - Matrix3::identity());
             match &self.place {
                 From::Plane(position) => Self::add(h, i, position, &by_seen, &by_position),

@@ -7,8 +7,8 @@
 //! Jacobian   ∂h/∂δφ_b = A⁻¹ [C_nbᵀ m_n ×],  ∂h/∂b = I₃,  ∂h/∂(F, I, D) = A⁻¹ C_nbᵀ ∂m_n/∂(F, I, D)
 //! Field      declared, estimated, or of the World Magnetic Model at the origin of the run
 //!            ([`crate::earth::magnetic`])
-//! Valid      where the field is the Earth's but for what moves with the body. Indoors it is not: its
-//!            strength and inclination are then better estimated, so that they tell no tilt
+//! Valid      if all other fields move with the body. Indoors this is not so: estimate strength and
+//!            inclination there, so that they give no information on the tilt
 //! Not here   a field that differs from place to place; the stage `compass` has a gate for it
 //! Source     the derivative of C_nbᵀ m_n with C_nb ← C_nb Exp(δφ_b); Gebre-Egziabher et al. 2006
 //!            (J. Aerosp. Eng. 19) for hard and soft iron
@@ -31,14 +31,14 @@ use serde::Deserialize;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MagnetometerSpec {
-    /// Strength of the Earth's field. It, `inclination` and `declination` may be left to `date`.
+    /// Strength of the Earth's field. `date` can replace it, `inclination` and `declination`.
     strength: Option<ScalarParam<dim::MagneticField>>,
     /// Angle of the Earth's field below the horizon.
     inclination: Option<ScalarParam<dim::Angle>>,
     /// Direction of magnetic north, clockwise from true north.
     declination: Option<ScalarParam<dim::Angle>>,
-    /// A day, "2026-11-22": what is not declared of the field is that of the World Magnetic Model at
-    /// the origin of the run on this day. Needs the cargo feature `wmm`.
+    /// A day, "2026-11-22": all undeclared values of the field are those of the World Magnetic Model at the origin of
+    /// the run on this day. Needs the cargo feature `wmm`.
     date: Option<String>,
     /// Magnetic field of the body itself.
     #[serde(default)]
@@ -106,7 +106,7 @@ impl SensorSpec for MagnetometerSpec {
 }
 
 impl MagnetometerSpec {
-    /// What is neither declared nor known.
+    /// The error for values that are neither declared nor known.
     fn missing(&self) -> BuildError {
         let all = [
             ("`strength`", self.strength.is_none()),
@@ -121,7 +121,7 @@ impl MagnetometerSpec {
     }
 }
 
-/// What is declared, or the value of the World Magnetic Model.
+/// The declared value, or the value of the World Magnetic Model.
 fn declared<D: Dimensional + core::fmt::Debug>(param: &Option<ScalarParam<D>>, model: Option<Unit<D>>) -> Option<ScalarParam<D>> {
     param.clone().or_else(|| model.map(ParamSpec::Fixed))
 }

@@ -7,7 +7,7 @@
 //!            p_s, C_sn pose of the vessel that carries the transceiver, l_u, C_us its place and mounting in the
 //!            vessel, l_t the transponder in the body; κ = assumed over true speed of sound, less one
 //! Vessel     a state that a sensor `vessel_pose` measures, so that errors of its GPS and gyrocompass count;
-//!            or a pose that is fixed, as on a quay
+//!            or a fixed pose, as on a quay
 //! Jacobian   exact by dual numbers, differences in Earth-centred axes
 //! Residual   angles wrapped to (−π, π]
 //! Valid      a straight path of sound; a transponder straight below has no bearing
@@ -32,9 +32,9 @@ use serde::Deserialize;
 pub struct UsblSpec {
     /// The sensor `vessel_pose` of the vessel that carries the transceiver.
     vessel: Option<String>,
-    /// Where the transceiver's carrier stands, instead of `vessel`.
+    /// The place of a fixed carrier of the transceiver, instead of `vessel`.
     position: Option<Place>,
-    /// Roll, pitch, yaw of a carrier that stands.
+    /// Roll, pitch, yaw of a fixed carrier.
     #[serde(default)]
     attitude: RotationParam,
     /// The transceiver in the axes of its carrier, from the carrier's position.
@@ -65,7 +65,7 @@ sound_speed = { estimate = true, initial = 0, sigma = "0.3 %", correlation_time 
 "#
 );
 
-/// The place and attitude of what carries the transceiver.
+/// The place and attitude of the transceiver's carrier.
 type Carrier = (Quantity<Geodetic>, Quantity<Attitude>);
 
 impl UsblSpec {
@@ -125,7 +125,7 @@ impl SensorSpec for UsblSpec {
     }
 }
 
-/// What range and direction depend on.
+/// The quantities on which range and direction depend.
 #[derive(Debug)]
 struct Geometry {
     position: Quantity<Geodetic>,

@@ -1,11 +1,11 @@
-//! The position of a transponder, as an ultra-short-baseline system makes it out of range and angles.
+//! The position of a transponder, which an ultra-short-baseline system computes from range and angles.
 //!
 //! Measured   z = geodetic position of the transponder t: latitude, longitude \[rad\], height \[m\]
 //! Predicted  h(x) = r_eb ⊕ (C_nb l_bt_b + b), as `gnss_position`
-//! Noise      the source's own 1σ; or a share of the slant range d, as errors of angles grow with it: with
+//! Noise      the source's own 1σ; or a share of the slant range d, because errors of angles grow with it: with
 //!            `range_sigma = "slant_range"` and `noise = { from_source = true, scale = 0.1 }` 0.1 d north and
-//!            east. Where a paper prints "0.1 d" and does not say what d is, the other readings are here
-//! Valid      as the acoustic system says; the rows of a fix that is late are valid before their stamp:
+//!            east. If a paper prints "0.1 d" without a definition of d, the other meanings of d are here
+//! Valid      as the acoustic system says; the rows of a late fix are valid before their stamp:
 //!            `latency` of the source, or `time_offset`
 //! Not here   ship and transceiver (the stage that makes the fix), sound speed (the sensor `usbl`)
 
@@ -29,27 +29,27 @@ pub struct UsblPositionSpec {
     /// Correlated position error, north east down; give it a `correlation_time`.
     #[serde(default)]
     bias: VectorParam<dim::Length>,
-    /// Use north and east only; a depth sensor knows the height better.
+    /// Use north and east only; a depth sensor measures the height better.
     #[serde(default)]
     horizontal: bool,
-    /// What `noise.from_source` takes from the source. All but the first belong to `horizontal = true`.
+    /// The quantity that `noise.from_source` takes from the source. All but the first need `horizontal = true`.
     #[serde(default)]
     range_sigma: RangeSigma,
 }
 
-/// What the source says of how good a fix is; `noise.scale` is the factor on it.
+/// The source's measure of the quality of a fix; `noise.scale` is its factor.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 enum RangeSigma {
     /// 1σ north, east, down: the channel `position_sigma`.
     #[default]
     Reported,
-    /// The slant range from transceiver to transponder: the channel `slant_range` \[m\]. A scale of 0.1 is
-    /// a tenth of it, one of 0.00175 an angle of 0.1°.
+    /// The slant range from transceiver to transponder: the channel `slant_range` \[m\]. A scale of 0.1 is a tenth of
+    /// it, a scale of 0.00175 is an angle of 0.1°.
     SlantRange,
     /// The distance over the ground: the channel `horizontal_range` \[m\].
     HorizontalRange,
-    /// The time since the fix before: the channel `fix_interval` \[s\]; the scale is in m/s.
+    /// The time since the previous fix: the channel `fix_interval` \[s\]; the scale is in m/s.
     FixInterval,
 }
 
@@ -129,7 +129,7 @@ mod tests {
                 gravity: crate::earth::Gravity::default(),
             };
             let field = whole.build(&mut build).unwrap_err().field;
-            // Of the first only the position is missing, which no process has brought here.
+            // With `reported`, only the position is missing, which no process provides here.
             assert_eq!(field, if reading == "reported" { "" } else { "range_sigma" });
         }
     }

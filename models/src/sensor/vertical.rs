@@ -1,4 +1,4 @@
-//! The height of a point of the body: what height, depth and pressure sensors have in common.
+//! The height of a point of the body: the common part of height, depth and pressure sensors.
 //!
 //! Height     `h_a = h_b − e₃ᵀ C_nb l_ba_b` \[m\], above the ellipsoid
 //! Jacobian   ∂/∂δr = [0 0 −1],  ∂/∂δφ_b = e₃ᵀ C_nb [l ×],  ∂/∂l = −e₃ᵀ C_nb
@@ -12,7 +12,7 @@ use fusion_core::linear::Jacobian;
 use fusion_core::state::{Attitude, Geodetic, Param, Quantity, Vector, View};
 use nalgebra::{RowVector3, Vector3};
 
-/// A point of the body whose height a sensor sees.
+/// A point of the body whose height a sensor measures.
 #[derive(Debug)]
 pub(super) struct Vertical {
     position: Quantity<Geodetic>,

@@ -1,12 +1,12 @@
-//! Zero velocity: the vehicle stands still, as whatever times this measurement has found.
+//! Zero velocity: the vehicle is at rest, at the times that a detector gives.
 //!
 //! Measured   z = 0, three rows \[m/s\]
-//! Predicted  h(x) = C_nbᵀ v_eb_n, in body axes; v_eb_n where the process has no attitude
+//! Predicted  h(x) = C_nbᵀ v_eb_n, in body axes; v_eb_n if the process has no attitude
 //! Jacobian   ∂h/∂δv = C_nbᵀ, ∂h/∂δφ_b = [h ×]; I₃ without an attitude
-//! Heading    rest tells nothing of it. In body axes that is so in the linearised filter, too, where its chart is
-//!            `right_invariant` and Φ is `exact`: turning heading, velocity and path together changes neither h nor its
-//!            Jacobian. In other charts noise of the estimate is taken for information on a heading that is not known
-//! Valid      at the body origin, at rest; feed it by a detector of rest
+//! Heading    rest gives no information on it. In body axes, the linearised filter also has this property if its chart
+//!            is `right_invariant` and Φ is `exact`. Turning heading, velocity and path together then changes neither
+//!            h nor its Jacobian. In other charts, noise of the estimate makes an unobserved heading seem observed
+//! Valid      at the body origin, at rest; needs a detector of rest
 //! Source     Groves 2013, §15.3; body axes: Hartley et al. 2020, §III (contacts of a foot)
 
 use super::XYZ;

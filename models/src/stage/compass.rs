@@ -3,15 +3,15 @@
 //! Calibrated m = A (m_raw − hard_iron)
 //! Output     `heading` ψ + η \[rad\] clockwise from true north, ψ the filter's own yaw and η the turn
 //!            about down that brings C_nb m to magnetic north; `attitude` the filter's own, turned by
-//!            η; before the filter starts, from the tilt that the specific force gives;
-//!            `magnetic_field` m \[T\], calibrated; where `noise` is declared `magnetic_field_sigma`,
-//!            √(σ² + (k d)²) per axis, d how far the field is from the undisturbed one
+//!            η; before the filter starts, with the tilt from the specific force;
+//!            `magnetic_field` m \[T\], calibrated; with a declared `noise`, `magnetic_field_sigma`,
+//!            √(σ² + (k d)²) per axis, d the distance of the field from the undisturbed field
 //! Gate       size and dip of the field against the undisturbed ones, learnt at the start
 //!            ([`field_gate`])
 //! Used by    the sensor `attitude` with `part = "heading"`, which has a heading at any pitch; the
 //!            sensor `heading` (its own `declination` is then 0), the initialiser `compass`; the sensor
-//!            `magnetometer`, for what passed the gate
-//! Valid      the heading is as wrong as the tilt times tan(dip)
+//!            `magnetometer`, for fields that passed the gate
+//! Valid      the error of the heading is the error of the tilt times tan(dip)
 
 pub mod field;
 pub mod field_gate;
@@ -38,7 +38,7 @@ pub struct CompassStageSpec {
     /// A stream with a `specific_force` channel, for the tilt before the filter starts; without it
     /// the body is assumed to be level.
     level_source: Option<String>,
-    /// Headings per second at most, once the filter has started; before, every field counts.
+    /// The highest number of headings per second, once the filter has started; before, every field counts.
     #[serde(default = "thirty_hertz")]
     rate: Positive<dim::Frequency>,
     /// Magnetic declination: direction of magnetic north, clockwise from true north.
@@ -50,9 +50,9 @@ pub struct CompassStageSpec {
     /// Magnetic field of the body itself.
     #[serde(default)]
     hard_iron: Vec3Of<dim::MagneticField>,
-    /// Which samples of the field are left out; by default none.
+    /// Which samples of the field are left out; by default all samples are used.
     gate: Option<FieldGateSpec>,
-    /// 1σ of the field that goes out, for `noise = { from_source = true }`; needs a gate.
+    /// 1σ of the output field, for `noise = { from_source = true }`; needs a gate.
     noise: Option<FieldNoiseSpec>,
 }
 
@@ -62,8 +62,8 @@ pub struct CompassStageSpec {
 struct FieldNoiseSpec {
     /// 1σ per axis of a field that looks undisturbed.
     sigma: Positive<dim::MagneticField>,
-    /// How many times the difference d from the undisturbed field is added, horizontal and downward
-    /// part together. What is wrong is so for many rows: √N of those that share it.
+    /// The factor of the difference d from the undisturbed field, horizontal and downward part together. A disturbance
+    /// is common to N successive rows: include √N in the factor.
     difference: NonNegative<dim::Ratio>,
 }
 
@@ -71,7 +71,7 @@ fn thirty_hertz() -> Positive<dim::Frequency> {
     Positive::try_from_si(30.0).unwrap_or_else(|_| unreachable!("30 is positive"))
 }
 
-/// The matrix of no soft iron.
+/// The matrix without soft iron.
 pub(crate) fn no_soft_iron() -> [Vec3Of<dim::Ratio>; 3] {
     let row = |i: usize| core::array::from_fn(|j| Unit::from_si(f64::from(i == j))).into();
     [row(0), row(1), row(2)]
@@ -147,7 +147,7 @@ struct CompassStage {
     soft_iron: Matrix3<f64>,
     hard_iron: Vector3<f64>,
     gate: Option<FieldGate>,
-    /// 1σ of an undisturbed field, and how many times the difference from it is added.
+    /// 1σ of an undisturbed field, and the factor of the difference from it.
     noise: Option<(f64, f64)>,
     period: i64,
     /// The last specific force, for the tilt before there is an estimate.
@@ -186,7 +186,7 @@ impl Stage for CompassStage {
             return;
         };
         if time >= self.next {
-            // Before the start, an initialiser averages whatever there is.
+            // Before the start, an initialiser averages all rows.
             if view.is_some() {
                 self.next = time.shifted(self.period);
             }
@@ -260,7 +260,7 @@ mod tests {
             let layout = layout.finish();
             let view = View::new(layout.initial(), &[]);
             let m = Vector3::new(3e-5, 0.0, 4e-5);
-            // Learnt for a second, then half as large again.
+            // Learnt for a second, then multiplied by 1.5.
             let answer = |(t, factor)| heading(stage.as_mut(), t, &(m * factor), Some(&view)).is_some();
             [(0.0, 1.0), (1.0, 1.0), (2.0, 1.5)].map(answer)
         };

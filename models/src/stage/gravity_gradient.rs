@@ -3,14 +3,14 @@
 //! Output     `attitude` q_∇;  `attitude_sigma` and `tilt_sigma` σ √(1 + k (|f|/g − 1)²) \[rad\]
 //! Gravity    at rest f_b/|f| = −g_b(q),  g_b = C_nbᵀ e₃ = [2(q1q3 − q0q2), 2(q0q1 + q2q3), 1 − 2(q1² + q2²)]
 //!            F(q) = g_b + f_b/|f|,  J = ∂F/∂q,  ∇ = JᵀF
-//! Step       q_∇ = q − μ ∇/|∇|,  μ = α |q̇_ω| Δt + μ₀,  |q̇_ω| = ½|w|: turns the tilt by 2μ rad,
-//!            whatever the tilt is; it ends in a limit cycle of that size
-//! From       `last` the estimate before the last step of time, as printed: the prediction turned back
+//! Step       q_∇ = q − μ ∇/|∇|,  μ = α |q̇_ω| Δt + μ₀,  |q̇_ω| = ½|w|: turns the tilt by 2μ rad for
+//!            any tilt; it ends in a limit cycle of that size
+//! From       `last` the estimate before the last time step, as printed: the prediction turned back
 //!            by w Δt; the measured attitude then lags by a sample. `predicted` the prediction
-//! Rate       w = w_m less the filter's own `gyro_bias`
-//! Used by    the sensor `attitude`: `part = "tilt"`, which is true, or `part = "all"`, which is H = I₄
-//!            with a scalar R as printed. The filter then believes its own heading, so that its σ is
-//!            too small and a compass hardly heard
+//! Rate       w = w_m minus the filter's own `gyro_bias`
+//! Used by    the sensor `attitude`: `part = "tilt"`, which is correct, or `part = "all"`, which is H = I₄
+//!            with a scalar R as printed. The filter then uses its own heading as a measurement, so that its
+//!            σ is too small and a compass has almost no effect
 //! Valid      at rest or in steady motion: rows with ||f| − g| > `band`·g are left out
 //! Source     Madgwick 2010, eqs. 12-34, with gravity along down
 
@@ -60,14 +60,14 @@ pub fn step_length(alpha: f64, floor: f64, w_nb_b: &Vector3<f64>, dt: f64) -> f6
     alpha * 0.5 * w_nb_b.norm() * dt + floor
 }
 
-/// One gradient step of length `mu` from `q` towards a vertical `f_b` (any length); `None` where
-/// the gradient vanishes or there is no direction.
+/// One gradient step of length `mu` from `q` towards a vertical `f_b` (any length); `None` if the gradient vanishes or
+/// has no direction.
 #[inline]
 #[must_use]
 pub fn gradient_step(q: &UnitQuaternion<f64>, f_b: &Vector3<f64>, mu: f64) -> Option<UnitQuaternion<f64>> {
     let gradient = gravity_jacobian(q).transpose() * gravity_error(q, f_b);
     let length = gradient.norm();
-    // Not a number fails, too.
+    // NaN also fails.
     (length > FLAT).then(|| so3::from_scalar_first(&(so3::to_scalar_first(q) - gradient * (mu / length))))
 }
 
@@ -77,16 +77,16 @@ pub fn gradient_step(q: &UnitQuaternion<f64>, f_b: &Vector3<f64>, mu: f64) -> Op
 pub struct GravityGradientSpec {
     /// The IMU stream.
     source: String,
-    /// α, the step in units of the rotation that the gyros measured.
+    /// α, the step in units of the rotation measured by the gyros.
     #[serde(default = "gain")]
     gain: NonNegative<dim::Ratio>,
-    /// μ₀, the step at rest: half the tilt that one sample corrects. The limit cycle is twice it.
+    /// μ₀, the step at rest: half the tilt that one sample corrects. The limit cycle is twice this step.
     #[serde(default = "floor")]
     floor: Positive<dim::Ratio>,
     /// Where the step starts.
     #[serde(default)]
     from: StepFrom,
-    /// 1σ of the measured attitude about each axis: twice that of a component of the quaternion.
+    /// 1σ of the measured attitude about each axis: twice the 1σ of a component of the quaternion.
     #[serde(default = "sigma")]
     sigma: Positive<dim::Angle>,
     /// k of σ² (1 + k (|f|/g − 1)²); 0 is a constant σ.
@@ -95,7 +95,7 @@ pub struct GravityGradientSpec {
     /// Samples are left out where |f| differs from g by more than this share of g.
     #[serde(default = "band")]
     band: Positive<dim::Ratio>,
-    /// g; by default that of the origin, or standard gravity.
+    /// g; by default the gravity at the origin, or standard gravity.
     gravity: Option<Positive<dim::Acceleration>>,
 }
 
@@ -110,7 +110,7 @@ enum StepFrom {
     Predicted,
 }
 
-/// A default that lies in its range.
+/// A default within its range.
 fn constant<D: Dimensional, R: Range>(value: f64) -> Unit<D, R> {
     Unit::try_from_si(value).unwrap_or_else(|_| unreachable!("the default {value} is in range"))
 }
@@ -279,7 +279,7 @@ mod tests {
                     _ => {}
                 }
             }
-            // The vertical does not see the heading; 1e-6: second order in the tilt about a skew axis.
+            // The vertical does not determine the heading; 1e-6: second order in the tilt about a skew axis.
             assert!(wrap(so3::to_rpy(&q).z - yaw).abs() < 1e-6);
         }
     }

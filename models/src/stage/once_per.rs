@@ -1,10 +1,10 @@
-//! Rows of a stream at the epochs of another one.
+//! Rows of a stream at the epochs of another stream.
 //!
-//! Rule       after each row of `each`, the first row of `source` that is finite passes, with its own stamp; all others do not.
-//!            So a filter takes what an instrument says only when another one speaks: a published filter that is
-//!            updated by all its rows at once
+//! Rule       after each row of `each`, the first row of `source` that is finite passes, with its own stamp; all others
+//!            do not. So a filter uses an instrument only when another instrument has a row, like a published
+//!            filter that is updated by all its rows at once
 //! Valid      a source much faster than the other stream: its row comes up to one of its intervals later
-//! Not here   interpolation to the very instant
+//! Not here   interpolation to the exact time
 
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
 use crate::units::{Dimensional, dim};
@@ -22,9 +22,9 @@ use serde::Deserialize;
 pub struct OncePerSpec {
     /// The stream whose rows pass.
     source: String,
-    /// The stream that lets them.
+    /// The stream whose rows trigger them.
     each: String,
-    /// What passes of a row.
+    /// The channel of a row that passes.
     channel: Passed,
 }
 
@@ -91,7 +91,7 @@ impl StageSpec for OncePerSpec {
 
 #[derive(Clone, Debug)]
 struct OncePer {
-    /// Whether the next row passes.
+    /// True if the next row passes.
     is_due: bool,
 }
 

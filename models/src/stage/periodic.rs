@@ -1,9 +1,8 @@
 //! A clock: rows at a fixed rate, timed by another stream.
 //!
-//! Pseudo-measurements (a non-holonomic constraint, say) need a time to be offered at. The clock
-//! emits an empty row at most once per period of its source, and only while the vehicle moves
-//! where `min_speed` is given. While a source that drives the process is silent, it goes on with the
-//! steps in which the process coasts.
+//! Pseudo-measurements (a non-holonomic constraint, for example) need a time at which they are used. The clock emits an
+//! empty row at most once per period of its source; with `min_speed`, only while the vehicle moves. While a source that
+//! drives the process is silent, the clock continues with the steps in which the process coasts.
 
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
 use crate::units::{NonNegative, Positive, dim};
@@ -57,7 +56,7 @@ impl StageSpec for PeriodicSpec {
             None => None,
         };
         Ok(Box::new(Periodic {
-            // No two rows are closer.
+            // Two rows are never closer than this.
             period: nanos(1.0 / self.rate.si()).max(1),
             min_speed,
             next: Time::MIN,
@@ -78,8 +77,8 @@ impl Periodic {
         if time < self.next {
             return;
         }
-        // The grid is fixed, whenever the vehicle starts to move; half a nanosecond of stamp
-        // rounding must not cost a period.
+        // The grid is fixed, independent of when the vehicle starts to move; half a nanosecond of stamp rounding must
+        // not cost a period.
         let slots = time.nanos().div_euclid(self.period) + 1;
         self.next = Time::from_nanos(slots.saturating_mul(self.period));
         if let Some((velocity, min_speed)) = &self.min_speed {

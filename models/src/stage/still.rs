@@ -1,8 +1,8 @@
 //! The stillness test: short-time statistics of an IMU at rest.
 //!
-//! Still when over a causal window every axis of specific force and angular rate stays within
-//! its standard deviation, and the mean rate less the bias within its bound. Engines and waves
-//! shake some axes more than others, so each bound is per axis.
+//! A causal window is still if the standard deviation of specific force and angular rate is within
+//! its bound on every axis, and the mean rate minus the bias too. Engines and waves shake some axes
+//! more than others, so each bound is per axis.
 //! Source: Skog et al. 2010 (variance detectors), with the mean-rate test for slow turns.
 
 use crate::units::{Axes, Positive, dim, range};
@@ -32,7 +32,7 @@ fn one_second() -> Positive<dim::Duration> {
 }
 
 fn fast() -> Axes<dim::AngularRate, range::Positive> {
-    // Wide enough never to decide where no bound is declared.
+    // Without declared bounds: so wide that they never decide.
     [Positive::try_from_si(1e3).unwrap_or_else(|_| unreachable!("it is positive")); 3].into()
 }
 
@@ -47,14 +47,13 @@ pub struct StillTest {
     sum: [Vector3<f64>; 2],
     squares: [Vector3<f64>; 2],
     origin: Option<[Vector3<f64>; 2]>,
-    /// Of all full windows that were judged the one that is nearest to still: standard deviations of rate and force, mean
-    /// rate less the bias.
+    /// The full window that was nearest to still: standard deviations of rate and force, mean rate minus the bias.
     nearest: Option<[Vector3<f64>; 3]>,
 }
 fusion_core::memory!(StillTest { samples, sum, squares, origin, nearest; window, accel_std, gyro_std, mean_rate });
 
 impl StillTest {
-    /// From its declared bounds.
+    /// A test with the declared bounds.
     #[must_use]
     pub fn new(spec: &StillSpec) -> Self {
         Self {
@@ -72,13 +71,13 @@ impl StillTest {
 
     /// Adds a sample: time \[s\], angular rate \[rad/s\], specific force \[m/s²\].
     pub fn push(&mut self, time: f64, w: Vector3<f64>, f: Vector3<f64>) {
-        // What is not a number would stay in the sums for ever: the window begins anew behind it.
+        // NaN would stay in the sums forever: the window starts again after it.
         if !w.iter().chain(f.iter()).all(|v| v.is_finite()) {
             self.samples.clear();
             (self.sum, self.squares, self.origin) = Default::default();
             return;
         }
-        // Sums are taken about the first sample, so that squares do not cancel.
+        // The sums are relative to the first sample, so that squares do not cancel.
         let origin = *self.origin.get_or_insert([w, f]);
         self.samples.push_back((time, w, f));
         self.add([w - origin[0], f - origin[1]], 1.0);
@@ -116,27 +115,27 @@ impl StillTest {
         })
     }
 
-    /// How far the window is from still, given the gyro bias \[rad/s\]: the largest standard deviation over its bound, of
-    /// rate and of force, and the largest mean rate over its own.
+    /// How far the window is from still, given the gyro bias \[rad/s\], as shares of the bounds: the largest standard
+    /// deviation of rate, that of force, and the largest mean rate.
     #[must_use]
     pub fn unrest(&self, gyro_bias: &Vector3<f64>) -> [f64; 3] {
         self.shares(&self.figures(gyro_bias)).map(|share| share.max())
     }
 
-    /// What is held against the bounds.
+    /// The values that are compared with the bounds.
     fn figures(&self, gyro_bias: &Vector3<f64>) -> [Vector3<f64>; 3] {
         let [w, f] = self.deviations();
         [w, f, (self.means()[0] - gyro_bias).abs()]
     }
 
-    /// In shares of the bounds.
+    /// The values as shares of the bounds.
     fn shares(&self, figures: &[Vector3<f64>; 3]) -> [Vector3<f64>; 3] {
         let bounds = [self.gyro_std, self.accel_std, self.mean_rate];
         core::array::from_fn(|k| figures[k].component_div(&bounds[k]))
     }
 
-    /// What every window that was judged has missed: by the one that was nearest to still, with its figures and the bounds. None
-    /// where one was still, or none was full.
+    /// The bounds that every judged window exceeded: the values of the window nearest to still, and their bounds.
+    /// `None` if a window was still, or no window was full.
     #[must_use]
     pub fn missed(&self) -> Option<String> {
         let nearest = self.nearest.as_ref()?;
@@ -156,14 +155,14 @@ impl StillTest {
         (!missed.is_empty()).then(|| format!("the quietest window has {}", missed.join(", and ")))
     }
 
-    /// Whether the window is full and still, given the gyro bias \[rad/s\].
+    /// Returns true if the window is full and still, given the gyro bias \[rad/s\].
     #[must_use]
     pub fn is_still(&mut self, gyro_bias: &Vector3<f64>) -> bool {
         let (Some(first), Some(last)) = (self.samples.front(), self.samples.back()) else {
             return false;
         };
         let n = self.samples.len() as f64;
-        // n samples cover n intervals, of which n − 1 lie between them.
+        // n samples cover n intervals; n − 1 of them are between the samples.
         let full = n >= 4.0 && (last.0 - first.0) * n / (n - 1.0) >= 0.9 * self.window;
         if !full {
             return false;

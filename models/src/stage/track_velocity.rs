@@ -1,9 +1,9 @@
-//! From the speeds of two tracks to the velocity of the body.
+//! The velocity of the body from the speeds of two tracks.
 //!
 //! Velocity   u = (1 − i)(v_l y_r − v_r y_l)/(y_r − y_l) forward with the centres of rotation of the tracks at
 //!            y_l < 0 < y_r to the right, i slip; 0 to the right and 0 down
 //! Valid      the same slip on both sides; no sliding sideways
-//! Not here   what is estimated: the sensor `track_odometry` has gauge, centre and slip as parameters
+//! Not here   estimated parameters: the sensor `track_odometry` has gauge, centre and slip as parameters
 //! Source     Martínez et al. 2005, Approximating kinematics for tracked mobile robots
 
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
@@ -16,7 +16,7 @@ use fusion_core::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Makes the velocity of the body of the speeds of its two tracks, for sensors that take velocities.
+/// Computes the velocity of the body from the speeds of its two tracks, for sensors that take velocities.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrackVelocitySpec {
@@ -25,9 +25,9 @@ pub struct TrackVelocitySpec {
     /// Slip of both tracks: the share of their speed that is lost.
     #[serde(default)]
     slip: Quantity<dim::Ratio>,
-    /// Distance between the centres of rotation of the two tracks; needed where `centre` is not 0.
+    /// Distance between the centres of rotation of the two tracks; needed if `centre` is not 0.
     gauge: Option<Positive<dim::Length>>,
-    /// Middle between these centres, to the right of the body origin.
+    /// The middle between these centres, to the right of the body origin.
     #[serde(default)]
     centre: Quantity<dim::Length>,
 }
@@ -79,7 +79,7 @@ impl StageSpec for TrackVelocitySpec {
 
 #[derive(Clone, Debug)]
 struct TrackVelocity {
-    /// Of the left and the right track in the speed ahead.
+    /// The shares of the left and the right track in the speed ahead.
     shares: [f64; 2],
 }
 
@@ -100,7 +100,7 @@ mod tests {
     use crate::earth::Gravity;
     use fusion_core::state::LayoutBuilder;
 
-    /// What is made of these speeds.
+    /// The speed ahead for these track speeds.
     fn ahead(fields: &str, tracks: [f64; 2]) -> Result<f64, BuildError> {
         let spec: TrackVelocitySpec = toml::from_str(&format!("source = 'tracks'\n{fields}")).unwrap();
         let mut layout = LayoutBuilder::new();

@@ -1,4 +1,4 @@
-//! From what an ultra-short-baseline transceiver under a ship measures to a position of the transponder.
+//! The position of a transponder, from the measurements of an ultra-short-baseline transceiver under a ship.
 //!
 //! Position   p = p_a + C_sn (l_u − l_g) + C_sn C_us s,  s = r [cos δ cos β, cos δ sin β, sin δ]
 //!            p_a ship antenna, C_sn ship attitude, l_g, l_u antenna and transceiver in the ship, C_us
@@ -6,10 +6,10 @@
 //! Covariance Σ = Σ_gps + A J diag(σr², σβ², σδ²) Jᵀ Aᵀ + [L×] C_sn Σ_att C_snᵀ [L×]ᵀ
 //!            A = C_sn C_us, J = ∂s/∂(r, β, δ), L = C_sn (l_u − l_g + C_us s)
 //! Time       a fix is valid when the transponder was heard: r/c + `delay` before the stamp of its row.
-//!            Position and attitude of the ship are interpolated there, from a history as long as needed;
-//!            where they are missing for longer than `longest_gap` there is no fix
-//! Order      rows of the transceiver are seen at the earliest time at which they may be valid, and those
-//!            of the ship ahead of that, so that both sides of a fix are there
+//!            Position and attitude of the ship are interpolated at this time, from a history of sufficient length.
+//!            If they are missing for longer than `longest_gap`, there is no fix
+//! Order      rows of the transceiver are seen at the earliest time at which they may be valid; rows of the
+//!            ship are seen before that, so that both sides of a fix are available
 //! Emits      position, its 1σ north, east, down, and the slant range
 //! Not here   refraction; the lever arm of the transponder, which the sensor of the position has
 //! Source     geometry as in any USBL; covariance by first-order propagation
@@ -28,8 +28,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::collections::VecDeque;
 
-/// Makes positions of a transponder from range, bearing and depression that a transceiver under a ship
-/// measures, and position and attitude of the ship, interpolated at the time of validity.
+/// Computes positions of a transponder from range, bearing and depression, measured by a transceiver under a ship.
+/// Position and attitude of the ship are interpolated at the time of validity.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct UsblFixSpec {
@@ -55,15 +55,15 @@ pub struct UsblFixSpec {
     /// 1σ of the ship's attitude about its axes.
     #[serde(default)]
     attitude_sigma: Option<Axes<dim::Angle, range::NonNegative>>,
-    /// From when the sound is heard to the stamp of the row.
+    /// From the reception of the sound to the stamp of the row.
     #[serde(default)]
     delay: NonNegative<dim::Duration>,
-    /// Speed of sound, where stamps are those of reception: a fix is valid one way of the sound earlier.
-    /// Without it the way takes no time.
+    /// Speed of sound, if stamps are those of reception: a fix is then valid earlier, by the travel time of the sound
+    /// over the range. Without it the travel time is zero.
     sound_speed: Option<Positive<dim::Speed>>,
-    /// The longest range that is taken, where the sound takes time; 1 km without it.
+    /// The longest range that is used, if the sound takes time; 1 km by default.
     longest_range: Option<Positive<dim::Length>>,
-    /// The longest time between two rows of the ship that is interpolated over; 1 s without it.
+    /// The longest time between two rows of the ship for interpolation; 1 s by default.
     longest_gap: Option<Positive<dim::Duration>>,
 }
 
@@ -165,7 +165,7 @@ impl StageSpec for UsblFixSpec {
     }
 }
 
-/// Where things are in the ship, and how well they are measured (variances).
+/// The places of antenna and transceiver in the ship, and the variances of the measurements.
 #[derive(Clone, Debug)]
 struct Geometry {
     /// From the antenna to the transceiver in the ship \[m\].
@@ -179,7 +179,7 @@ struct Geometry {
 }
 
 impl Geometry {
-    /// From the antenna to the transponder in north, east, down \[m\], and its covariance with that of the
+    /// From the antenna to the transponder in north, east, down \[m\], and its covariance, including that of the
     /// antenna.
     fn fix(&self, c_sn: &UnitQuaternion<f64>, [r, bearing, depression]: [f64; 3]) -> (Vector3<f64>, Matrix3<f64>) {
         let ((sb, cb), (sd, cd)) = (bearing.sin_cos(), depression.sin_cos());
@@ -203,19 +203,20 @@ struct UsblFix {
     /// One over the speed of sound \[s/m\].
     slowness: f64,
     longest_range: f64,
-    /// By how much rows of the transceiver come before their stamp, and those of the ship before that \[ns\].
+    /// How early rows of the transceiver are seen before their stamp, and how much earlier rows of the ship are seen
+    /// \[ns\].
     latest: i64,
     gap: i64,
     positions: VecDeque<(Time, Geodetic)>,
     attitudes: VecDeque<(Time, UnitQuaternion<f64>)>,
-    /// When the latest fix is valid.
+    /// Time of validity of the latest fix.
     last: Time,
 }
 
 memory!(UsblFix { positions, attitudes, last; geometry, delay, slowness, longest_range, latest, gap });
 
-/// The values on both sides of `time` and how far it lies between them; `None` where they are more than
-/// `gap` ns apart or one of them is missing.
+/// The values on both sides of `time`, and the share of the interval before `time`. `None` if they are more than `gap`
+/// ns apart or one of them is missing.
 fn around<T: Copy>(history: &VecDeque<(Time, T)>, time: Time, gap: i64) -> Option<(T, T, f64)> {
     let after = history.partition_point(|(t, _)| *t < time);
     let (later, b) = *history.get(after)?;
@@ -227,7 +228,7 @@ fn around<T: Copy>(history: &VecDeque<(Time, T)>, time: Time, gap: i64) -> Optio
     (later <= earlier.shifted(gap)).then(|| (a, b, time.seconds_since(earlier) / whole))
 }
 
-/// Adds a value and forgets those that nothing can be valid between any more.
+/// Adds a value and forgets the values that are no longer needed.
 fn keep<T>(history: &mut VecDeque<(Time, T)>, time: Time, value: T, oldest: Time) {
     if history.back().is_some_and(|(last, _)| *last >= time) {
         return;
@@ -239,7 +240,7 @@ fn keep<T>(history: &mut VecDeque<(Time, T)>, time: Time, value: T, oldest: Time
 }
 
 impl UsblFix {
-    /// The fix that is valid at `time`, if the ship is known there.
+    /// The fix that is valid at `time`, if the ship's pose is known then.
     fn fix(&self, time: Time, polar: [f64; 3]) -> Option<[f64; 7]> {
         let (p0, p1, along) = around(&self.positions, time, self.gap)?;
         let (q0, q1, turned) = around(&self.attitudes, time, self.gap)?;
@@ -297,7 +298,7 @@ mod tests {
         (spec.build(&mut build).unwrap(), spec.ahead())
     }
 
-    /// What comes out where each row is stamped so; rows are seen in the order in which a runner shows them.
+    /// The output for rows with these stamps; rows are seen in the same order as in a runner.
     fn fixes(also: &str, rows: &[(usize, f64, Vec<f64>)]) -> Vec<(f64, Vec<f64>)> {
         let (mut stage, ahead) = stage(also);
         let mut seen: Vec<_> = rows
@@ -406,7 +407,7 @@ mod tests {
         ]
         .concat();
         let wanted = &fixes("", &still)[0].1;
-        // 1e-3 m: roll and pitch are 2 deg, so that the way between two attitudes is no pure turn about down.
+        // 1e-3 m: roll and pitch are 2 deg, so the way between two attitudes is not a pure turn about down.
         let off = Geodetic::new(fix[0], fix[1], fix[2]).difference(&Geodetic::new(wanted[0], wanted[1], wanted[2]));
         assert!(off.norm() < 1e-3, "{off}");
     }

@@ -1,5 +1,5 @@
-//! The law of memories: a filter and a runner that are given the memory of others, which have run for a
-//! while, continue bit for bit as those.
+//! The law of memories: a filter or a runner that gets the memory of another, after part of a run, continues bit for
+//! bit like the original.
 
 use super::{Bench, build, state, steady};
 use crate::block::SensorSpec;
@@ -15,8 +15,8 @@ use fusion_core::testing::{Lcg, check_memory};
 use fusion_core::time::Time;
 use std::sync::Arc;
 
-/// Samples of a drive, 100 a second; the memory is given after half of them, an odd number, so that a
-/// preparation that works in pairs holds one back.
+/// Samples of a drive, 100 per second. The memory is copied after half of them, an odd number, so that a preparation
+/// that works in pairs holds a sample back.
 const SAMPLES: i64 = 202;
 /// Samples between two measurements.
 const EVERY: i64 = 5;
@@ -37,7 +37,7 @@ impl Drive {
         let mut sensors: Vec<Arc<dyn Measurement>> = Vec::new();
         for r in registry::all().into_iter().filter(|r| r.role == Role::Sensor) {
             let spec: Box<dyn SensorSpec> = r.spec()?;
-            // Those that do not suit the process are left out: the law of sensors says which do.
+            // Sensors that do not suit the process are left out: the law of sensors checks which suit it.
             sensors.extend(spec.build(&mut build(r.name, &mut bench.layout)).ok().map(Arc::from));
         }
         let mut random = Lcg::new(21);
@@ -70,7 +70,7 @@ impl Drive {
         filter
     }
 
-    /// A runner with the process's input on stream 0 and each sensor on one of its own.
+    /// A runner with the process's input on stream 0 and each sensor on a separate stream.
     fn runner(&self, backend: Backend) -> Runner {
         let mut runner = Runner::new(Box::new(self.filter(backend)), self.process.clone(), 0.0);
         let port = |stream, width| Port {
@@ -102,8 +102,8 @@ impl Drive {
         runner
     }
 
-    /// What sensor `s` measures where the estimate is `belief`, up to a tenth
-    /// of its residual's unit beside it, sometimes a hundred times as far; `None` where its model has no value.
+    /// A measurement of sensor `s` at the estimate `belief`, with an error up to a tenth of its residual's unit,
+    /// sometimes a hundred times as large. `None` if its model has no value.
     fn measured(&self, s: usize, belief: &Belief, sample: &[f64], random: &mut Lcg) -> Option<Vec<f64>> {
         let model = &self.sensors[s];
         let mut signals = SignalBuffer::new(&self.layout);
@@ -128,7 +128,7 @@ fn gate() -> Box<dyn Gate> {
     Box::new(Nis::new(0.99, Recovery::default()))
 }
 
-/// What comes in at one instant: a sample, and of each sensor a value or none.
+/// The input at one instant: a sample, and for each sensor a value or `None`.
 struct Instant<'a> {
     time: Time,
     sample: &'a [f64],
@@ -157,9 +157,8 @@ impl Memory for Gated {
     }
 }
 
-/// Takes one that `made` makes through the drive by `step`, which tells how many measurements were
-/// accepted; another that is given its memory half-way has the same belief, bit for bit, from there to
-/// the end.
+/// Runs the drive through an object from `made` by `step`, which returns the number of accepted measurements. A second
+/// object gets the memory of the first half-way. From there to the end, both must have the same belief, bit for bit.
 fn halves<T: Memory>(
     drive: &Drive,
     made: impl Fn() -> T,
@@ -239,7 +238,7 @@ fn fed(drive: &Drive, runner: &mut Runner, at: &Instant<'_>) -> Result<usize, St
     if drive.process.input_dim() > 0 {
         feed(Row::new(0, at.time, at.sample))?;
     }
-    // Within the interval of the next sample, which they split.
+    // Inside the interval of the next sample, which they split.
     let between = at.time.shifted(STEP / 3);
     for (stream, value) in (1..).zip(at.measured) {
         if let Some(value) = value {

@@ -5,11 +5,10 @@ use crate::registry::Registration;
 use crate::vocabulary::channel;
 use fusion_core::time::Time;
 
-/// A fault changes only the numbers that it names, and says of each row what it did; where it leaves
-/// something that is no number, it means it: nothing that it names is one. A stamp, an arrival or
-/// copies that it reports differ from those of the row, whose numbers it then leaves alone. One seed
-/// gives one disturbance, and the example is at work within 400 s. Statistics of a gate count a row as
-/// disturbed by this.
+/// A fault changes only the columns that it names, and reports for each row what it did. If it leaves a NaN, it is
+/// intended: all the named columns are NaN. A new stamp, a delay or copies that it reports differ from those of the
+/// row, and it then leaves the numbers unchanged. One seed gives one disturbance, and the example acts within 400 s.
+/// Statistics of a gate count a row as disturbed by these reports.
 pub(super) fn check(r: &Registration) -> Result<(), String> {
     let spec: Box<dyn FaultSpec> = r.spec()?;
     let mut offset = 0;
@@ -51,7 +50,7 @@ pub(super) fn check(r: &Registration) -> Result<(), String> {
     }
 }
 
-/// The bits of row `k` after the fault, and what the fault says of it.
+/// The bits of row `k` after the fault, and the outcome that the fault reports.
 fn applied(fault: &mut dyn Fault, time: Time, k: u32) -> Result<(Vec<u64>, Outcome), String> {
     let clean = [0.7, -1.4, 200.0, 1.0, 2.0, 3.0, 0.5, 1.0, 0.0, 0.0, 0.0].map(|x| x + 1e-3 * f64::from(k));
     let (mut row, columns) = (clean, fault.columns());

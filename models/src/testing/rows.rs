@@ -1,4 +1,4 @@
-//! Rows for stages and initialisers: a vehicle at rest, or one that drives straight ahead.
+//! Rows for stages and initialisers: the vehicle is at rest, or drives straight ahead.
 
 use super::ORIGIN;
 use crate::block::{Channel, Shape};
@@ -10,7 +10,7 @@ use fusion_core::state::{Geodetic, Manifold};
 use fusion_core::testing::Lcg;
 use nalgebra::Vector3;
 
-/// What the vehicle does: drives north-east, or rests.
+/// The motion of the vehicle: drives north-east, or rests.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Motion {
     Rest,
@@ -28,7 +28,7 @@ impl Motion {
         }
     }
 
-    /// The numbers of `channels` at `seconds`, with a little noise where a unit measures.
+    /// The numbers of `channels` at `seconds`, with a little noise on some channels.
     pub(super) fn row(self, channels: &[Channel], seconds: f64, random: &mut Lcg) -> Vec<f64> {
         let mut row = Vec::new();
         for channel in channels {

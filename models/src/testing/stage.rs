@@ -10,12 +10,12 @@ use fusion_core::state::View;
 use fusion_core::testing::{Lcg, check_memory};
 use fusion_core::time::Time;
 
-/// Rows on each input, 100 a second.
+/// The number of rows on each input, 100 per second.
 const ROWS: i32 = 1500;
 
-/// A stage emits rows as wide as it declares, of finite numbers also where it reads none, not
-/// before the row it has just seen and in order; another that is given its memory continues bit for
-/// bit; and it emits at all.
+/// A stage must emit rows of its declared width, in order and not before the row that it has just seen. The numbers
+/// must be finite, even if its input is not. A second stage with the memory of the first continues bit for bit. The
+/// stage must emit at least one row.
 pub(super) fn check(r: &Registration) -> Result<(), String> {
     let (mut refusals, mut accepted, mut emitted) = (String::new(), 0, 0);
     for p in registry::all().into_iter().filter(|p| p.role == Role::Process) {
@@ -46,7 +46,7 @@ fn emitted(stage: &mut dyn Stage, input: usize, time: Time, row: &[f64], view: O
     out.rows().map(|(time, row)| (time, row.to_vec())).collect()
 }
 
-/// How many rows the stage emits on its way.
+/// The number of rows that the stage emits during the motion.
 fn feed(name: &str, spec: &dyn StageSpec, bench: &mut Bench, motion: Motion) -> Result<usize, String> {
     let mut made = || spec.build(&mut build(name, &mut bench.layout)).map_err(|e| e.to_string());
     let (mut stage, mut twin) = (made()?, made()?);
@@ -65,7 +65,7 @@ fn feed(name: &str, spec: &dyn StageSpec, bench: &mut Bench, motion: Motion) -> 
         }
         for (input, listen) in spec.inputs().iter().enumerate() {
             let mut row = motion.row(&listen.channels, time.seconds(), &mut random);
-            // Nobody has started the filter in the first second; a row may be lost on the way.
+            // The filter has not started in the first second; a row may be lost.
             let view = (k >= 100).then_some(&view);
             if k % 500 == 499 {
                 row.fill(f64::NAN);

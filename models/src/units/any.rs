@@ -1,6 +1,6 @@
-//! A quantity whose dimension the block decides once it is built.
+//! A quantity whose dimension is known only when the block is built.
 //!
-//! Text that cannot be read is refused then too, so that the message can say what is wanted instead.
+//! Unreadable text is also rejected then, so that the message can name the required quantity.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -15,18 +15,18 @@ use super::expression::parse;
 use super::quantity::{Range, range, within};
 use super::written::{Written, deserialize_written};
 
-/// A quantity of any dimension, such as the sigma of a sensor not yet looked at.
+/// A quantity of any dimension, such as the sigma of a sensor that is not built yet.
 ///
-/// A bare number is SI of whatever dimension is wanted later; text states its own.
+/// A bare number is SI of the dimension that is required later; text states its own dimension.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnyQuantity {
     si: f64,
-    /// The text, and the dimension it states or why it is no quantity; `None` for a bare number.
+    /// The text, and its dimension or its error; `None` for a bare number.
     stated: Option<(String, Result<Dimension, UnitError>)>,
 }
 
 impl AnyQuantity {
-    /// From text with a unit. Text that is no quantity is refused by [`expect`](Self::expect).
+    /// From text with a unit. Invalid text is rejected by [`expect`](Self::expect).
     #[must_use]
     pub fn from_text(text: &str) -> Self {
         let (si, found) = match parse(text) {
@@ -39,7 +39,7 @@ impl AnyQuantity {
         }
     }
 
-    /// The dimension the text states; `None` for a bare number, and for text that is no quantity.
+    /// The dimension of the text; `None` for a bare number, and for invalid text.
     #[must_use]
     pub fn dimension(&self) -> Option<Dimension> {
         self.stated.as_ref().and_then(|(_, found)| found.clone().ok())
@@ -48,7 +48,7 @@ impl AnyQuantity {
     /// The value in SI, if it can have the dimension `wanted`.
     ///
     /// # Errors
-    /// Where the text is no quantity, or states another dimension.
+    /// Text that is not a quantity, or a quantity with another dimension.
     pub fn expect(&self, wanted: Dimension) -> Result<f64, UnitError> {
         match &self.stated {
             Some((text, Ok(found))) if *found != wanted => Err(UnitError::WrongDimension {
@@ -64,7 +64,7 @@ impl AnyQuantity {
         }
     }
 
-    /// The same, if it is within the range `R` too.
+    /// The value in SI, if it is also within the range `R`.
     ///
     /// # Errors
     /// Another dimension, or a value out of range.
@@ -74,7 +74,7 @@ impl AnyQuantity {
     }
 }
 
-/// As it was written: the bare number, or the text.
+/// Written like the original: the bare number, or the text.
 impl Serialize for AnyQuantity {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match &self.stated {

@@ -1,4 +1,4 @@
-//! The units that can be written, and what to suggest for those that cannot.
+//! The units that can be written, and suggestions for unknown units.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,7 +7,7 @@ use super::dimension::Dimension;
 /// Standard gravity g₀ \[m/s²\], exact by definition (CGPM 1901).
 pub const STANDARD_GRAVITY: f64 = 9.80665;
 
-/// One unit: symbol, SI factor, dimension, whether it takes prefixes, spellings that suggest it.
+/// One unit: symbol, SI factor, dimension, whether it takes prefixes, spellings that lead to this unit as a suggestion.
 struct Unit {
     symbol: &'static str,
     factor: f64,
@@ -100,7 +100,7 @@ const PREFIXES: [(&str, f64); 13] = [
     ("T", 1e12),
 ];
 
-/// SI factor and dimension of one symbol. A unit wins over a prefixed one: `min` is a minute.
+/// SI factor and dimension of one symbol. A unit has priority over a prefixed unit: `min` is a minute.
 pub(super) fn find(symbol: &str) -> Option<(f64, Dimension)> {
     if let Some(unit) = UNITS.iter().find(|unit| unit.symbol == symbol) {
         return Some((unit.factor, unit.dimension));
@@ -112,8 +112,8 @@ pub(super) fn find(symbol: &str) -> Option<(f64, Dimension)> {
     })
 }
 
-/// What the letter of an instrument's maker stands for, `G` or `g` with any prefix: gauss of a magnetic field, standard
-/// gravity of a specific force; `None` of other letters and of other dimensions.
+/// The meaning of a manufacturer's `G` or `g`, with any prefix: gauss for a magnetic field, standard gravity for a
+/// specific force. `None` for other letters and other dimensions.
 #[must_use]
 pub fn by_letter(symbol: &str, wanted: Dimension) -> Option<String> {
     let prefix = ["Gs", "G", "g"].into_iter().find_map(|letter| symbol.strip_suffix(letter))?;
@@ -123,7 +123,7 @@ pub fn by_letter(symbol: &str, wanted: Dimension) -> Option<String> {
         .find(|unit| find(unit).is_some_and(|(_, dimension)| dimension == wanted))
 }
 
-/// The known unit that was probably meant; of several one of dimension `wanted`.
+/// The known unit that was probably meant; of several units, a unit of dimension `wanted`.
 pub(super) fn suggest(symbol: &str, wanted: Option<Dimension>) -> Option<String> {
     let lower = symbol.to_lowercase();
     let spelt = |text: &str, unit: &Unit| unit.also.contains(&text) || unit.also.contains(&text.to_lowercase().as_str());
@@ -139,14 +139,14 @@ pub(super) fn suggest(symbol: &str, wanted: Option<Dimension>) -> Option<String>
                 .map(move |(prefix, _)| (*prefix, unit, format!("{prefix}{}", unit.symbol)))
         })
     };
-    // Case alone is no mistake worth counting; otherwise a third of the letters may differ.
+    // A difference in case alone does not count; otherwise a third of the letters may differ.
     let near = bare()
         .chain(scaled().map(|(.., known)| known))
         .map(|known| (strsim::osa_distance(&lower, &known.to_lowercase()), known))
         .filter(|(distance, _)| distance * 3 <= lower.chars().count())
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, known)| known);
-    // `mG` is a milligauss where a field is wanted, and else rather a milli-g.
+    // `mG` is a milligauss for a field, and otherwise probably a milli-g.
     let of_prefix = scaled().find(|(prefix, unit, _)| symbol.strip_prefix(prefix).is_some_and(|rest| spelt(rest, unit)));
     let of_prefix = of_prefix.map(|(.., known)| known);
     let fits = |known: &&String| find(known).is_some_and(|(_, dimension)| wanted == Some(dimension));

@@ -1,13 +1,13 @@
-//! Dimensions: powers of the base units, in halves, so that 1/√Hz has one too.
+//! Dimensions: powers of the base units, in halves, so that 1/√Hz has a dimension too.
 
 use std::fmt;
 
-/// Dimensions whose SI unit has a name that people know better, with twice their exponents.
+/// Dimensions whose SI unit has a better-known name, with twice their exponents.
 const NAMED: [(&str, [i8; 6]); 2] = [("T", [0, 2, -4, -2, 0, 0]), ("Pa", [-2, 2, -4, 0, 0, 0])];
 /// Base units, in the order of the exponents.
 const BASES: [&str; 6] = ["m", "kg", "s", "A", "K", "rad"];
 
-/// Twice the largest exponent, 8: no quantity has a larger one, and the text of a unit none.
+/// Twice the largest exponent, 8: no quantity has a larger exponent, and no unit text may have one.
 pub(super) const LARGEST: i8 = 16;
 
 /// Powers of metre, kilogram, second, ampere, kelvin and radian.
@@ -27,7 +27,7 @@ impl Dimension {
         Self { halves }
     }
 
-    /// The dimension of a product; `None` where an exponent is beyond 8.
+    /// The dimension of a product; `None` if an exponent is beyond 8.
     #[must_use]
     pub fn times(self, other: Self) -> Option<Self> {
         let mut halves = self.halves;
@@ -37,8 +37,7 @@ impl Dimension {
         Some(Self { halves })
     }
 
-    /// The dimension raised to `halves / 2`; `None` where the result is not a multiple of one half, or
-    /// beyond 8.
+    /// The dimension raised to `halves / 2`; `None` if the result is not a multiple of one half, or beyond 8.
     #[must_use]
     pub fn power(self, halves: i8) -> Option<Self> {
         let mut powers = self.halves;
@@ -49,13 +48,13 @@ impl Dimension {
         Some(Self { halves: powers })
     }
 
-    /// Whether this is the dimension of a pure number.
+    /// Returns true if this is the dimension of a pure number.
     #[must_use]
     pub fn is_none(self) -> bool {
         self == Self::NONE
     }
 
-    /// What messages call a quantity of this dimension.
+    /// The name of a quantity of this dimension, for messages.
     #[must_use]
     pub fn kind(self) -> Kind {
         let named = super::quantity::KINDS.iter().find(|kind| kind.dimension == self);
@@ -72,7 +71,7 @@ fn is_reasonable(halves: &i8) -> bool {
     halves.unsigned_abs() <= LARGEST.unsigned_abs()
 }
 
-/// The SI unit: `m/s^2`, `rad/s/sqrt(s)`; parsing it gives the dimension back.
+/// The SI unit: `m/s^2`, `rad/s/sqrt(s)`; the parser reads it back as the same dimension.
 impl fmt::Display for Dimension {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some((symbol, _)) = NAMED.iter().find(|(_, halves)| *halves == self.halves) {
@@ -109,16 +108,16 @@ fn write_power(f: &mut fmt::Formatter<'_>, separator: &str, base: &str, halves: 
     }
 }
 
-/// A dimension with the words that error messages and schemas use for it.
+/// A dimension with its words in error messages and schemas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kind {
-    /// What the words are for.
+    /// The dimension that these words describe.
     pub dimension: Dimension,
     /// With its article: `a length`.
     pub name: &'static str,
-    /// The SI unit; empty where the dimension has no name of its own.
+    /// The SI unit; empty if the dimension has no separate name.
     pub symbol: &'static str,
-    /// What to write in TOML, without quotes; empty where there is none.
+    /// An example for TOML, without quotes; empty without an example.
     pub example: &'static str,
 }
 

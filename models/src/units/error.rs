@@ -1,76 +1,76 @@
-//! What can be wrong with a quantity, in words for the person who wrote it.
+//! Errors of a quantity, in words for the person who wrote it.
 
 use std::fmt;
 
 use super::catalogue;
 use super::dimension::{Dimension, Kind};
 
-/// A quantity or a unit that cannot be read, or is not what is wanted.
+/// A quantity or a unit that cannot be read, or is not the required one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum UnitError {
     /// The text does not begin with a number, or the number is not finite.
     Number {
-        /// What was written.
+        /// The written text.
         text: String,
     },
     /// No unit has this symbol.
     UnknownUnit {
-        /// What was written.
+        /// The written text.
         text: String,
-        /// The part of it that is not known.
+        /// The unknown part of the text.
         unit: String,
-        /// What was probably meant.
+        /// The unit that was probably meant.
         suggestion: Option<String>,
     },
     /// The unit expression is malformed.
     Syntax {
-        /// What was written.
+        /// The written text.
         text: String,
-        /// What is wrong with it.
+        /// The problem of the expression.
         problem: &'static str,
     },
-    /// The quantity has another dimension than the one wanted.
+    /// The quantity has another dimension than the required one.
     WrongDimension {
-        /// What was written.
+        /// The written text.
         text: String,
         /// Its dimension.
         found: Dimension,
-        /// The one it should have.
+        /// The required dimension.
         wanted: Kind,
     },
-    /// The value lies outside the range allowed.
+    /// The value is outside the allowed range.
     OutOfRange {
-        /// What was written.
+        /// The written text.
         text: String,
-        /// The dimension, which is right.
+        /// The dimension, which is correct.
         wanted: Kind,
         /// The range, as in `greater than 0`.
         range: &'static str,
         /// The text that was probably meant.
         meant: Option<String>,
     },
-    /// Another error of reading, where the dimension that is wanted is known.
+    /// Another error of reading, with the required dimension, if it is known.
     Expected {
-        /// What is wrong.
+        /// The error.
         why: Box<UnitError>,
-        /// What it should have been.
+        /// The required dimension.
         wanted: Kind,
     },
     /// There are more or fewer quantities than axes.
     Count {
-        /// How many are written.
+        /// The number of written quantities.
         given: usize,
-        /// What each axis is.
+        /// The kind of quantity of each axis.
         axes: Vec<Kind>,
-        /// Whether one quantity could hold for all.
+        /// True if one quantity would be valid for all axes.
         or_one: bool,
     },
     /// One of several quantities is wrong.
     Element {
         /// Its index, from 0.
         index: usize,
-        /// What is wrong with it.
+        /// The error of this element.
         why: Box<UnitError>,
     },
 }
@@ -135,14 +135,14 @@ impl fmt::Display for UnitError {
 }
 
 impl UnitError {
-    /// That `given` quantities are not one for each of these axes.
+    /// The error for `given` quantities instead of one for each of these axes.
     #[must_use]
     pub fn count(given: usize, axes: &[Dimension], or_one: bool) -> Self {
         let axes = axes.iter().map(|dimension| dimension.kind()).collect();
         Self::Count { given, axes, or_one }
     }
 
-    /// The path of what is wrong in `field`: an element of it, where it is an array.
+    /// The path of the error in `field`: an element of it, if it is an array.
     #[must_use]
     pub fn path(&self, field: &str) -> String {
         match self {
@@ -152,7 +152,7 @@ impl UnitError {
     }
 }
 
-/// The unit that was probably meant.
+/// Writes the unit that was probably meant.
 fn write_meant(f: &mut fmt::Formatter<'_>, known: Option<&str>) -> fmt::Result {
     known.map_or(Ok(()), |known| write!(f, "; did you mean `{known}`?"))
 }
@@ -161,7 +161,7 @@ fn write_example(f: &mut fmt::Formatter<'_>, wanted: &Kind) -> fmt::Result {
     write!(f, ", e.g. {:?}", example(wanted))
 }
 
-/// What to write; a tenth of its SI unit where the dimension has no name.
+/// A valid example; one tenth of the SI unit if the dimension has no name.
 fn example(wanted: &Kind) -> String {
     match wanted.example {
         "" => format!("0.1 {}", wanted.dimension),

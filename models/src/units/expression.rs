@@ -12,7 +12,7 @@ use super::catalogue;
 use super::dimension::{Dimension, LARGEST};
 use super::error::UnitError;
 
-/// Parentheses deeper than this are a mistake or an attack on the stack.
+/// Deeper parentheses are a mistake or an attack on the stack.
 const DEEPEST: usize = 16;
 
 /// A unit being read: its SI factor and dimension.
@@ -21,7 +21,7 @@ type Scale = (f64, Dimension);
 /// Reads a quantity such as `"0.125 deg/sqrt(h)"`: its value in SI and its dimension.
 ///
 /// # Errors
-/// Where the text is no finite number followed by a known unit.
+/// Text that is not a finite number followed by a known unit.
 pub fn parse(text: &str) -> Result<(f64, Dimension), UnitError> {
     let body = text.trim();
     let not_finite = || UnitError::Number { text: text.to_owned() };
@@ -38,12 +38,12 @@ pub fn parse(text: &str) -> Result<(f64, Dimension), UnitError> {
 /// Reads a bare unit such as `"deg/s"`: its factor to SI and its dimension.
 ///
 /// # Errors
-/// Where a symbol is unknown or the expression malformed.
+/// An unknown symbol or a malformed expression.
 pub fn parse_unit(text: &str) -> Result<(f64, Dimension), UnitError> {
     Parser::new(text, text.trim()).whole()
 }
 
-/// Bytes of the decimal number that `text` begins with; 0 where there is none.
+/// The length in bytes of the decimal number at the start of `text`; 0 without a number.
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let digits = |from: usize| bytes[from..].iter().take_while(|b| b.is_ascii_digit()).count();
@@ -135,7 +135,7 @@ impl<'t> Parser<'t> {
     }
 
     fn atom(&mut self) -> Result<Scale, UnitError> {
-        // As data sheets print it: µg/√Hz.
+        // The notation of data sheets: µg/√Hz.
         if self.take("√") {
             self.deeper()?;
             let inner = self.atom()?;

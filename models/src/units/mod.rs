@@ -12,13 +12,13 @@
 //! Grammar   number, optional blank, unit; units combine by `*`, `/`, `^`, `sqrt( )`, `√`, `( )`
 //! Powers    whole or half: `s^2`, `s^-1`, `s^0.5`, `s^(3/2)`
 //! Prefixes  p n u µ m c d h k M G T, on the units that take them
-//! Angle     is a dimension of its own (rad), so `"5 deg"` is no length
+//! Angle     is a separate dimension (rad), so `"5 deg"` is not a length
 //! g         is standard gravity, 9.80665 m/s²: `mg`, `ug` are milli- and micro-g.
-//!           Grams do not occur; mass is written in `kg`
+//!           Grams are not available; mass is written in `kg`
 //! Not here  temperature scales with an offset (°C), decibels, calendar time
 //!
-//! Three ways in: [`Quantity`] where the dimension is known to the type, [`AnyQuantity`] where it
-//! is known only once the block is built, [`parse_unit`] for the heading of a data column.
+//! Three ways to read them: [`Quantity`] if the type fixes the dimension, [`AnyQuantity`] if the dimension is
+//! known only when the block is built, [`parse_unit`] for the heading of a data column.
 
 mod any;
 mod catalogue;

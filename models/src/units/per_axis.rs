@@ -1,7 +1,7 @@
 //! One quantity, or one per axis.
 //!
-//! [`Axes`] where number and dimension of the axes are known to the type, [`PerAxis`] where the block
-//! that it is written in decides them, [`Vec3Of`] where no one number could stand for all.
+//! [`Axes`] if the type fixes number and dimension of the axes, [`PerAxis`] if the block around it decides them,
+//! [`Vec3Of`] if one number cannot represent all axes.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -17,17 +17,17 @@ use super::dimension::Dimension;
 use super::error::UnitError;
 use super::quantity::{Dimensional, Quantity, Range, range};
 
-/// As it is written: one quantity that holds for every axis, or an array with one per axis.
+/// The written form: one quantity for every axis, or an array with one per axis.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PerAxis<Q = AnyQuantity> {
-    /// One for all.
+    /// One quantity for all axes.
     Same(Q),
-    /// One each.
+    /// One quantity for each axis.
     Each(Vec<Q>),
 }
 
 impl<Q> PerAxis<Q> {
-    /// How many are written.
+    /// The number of written quantities.
     #[must_use]
     pub fn written(&self) -> usize {
         match self {
@@ -41,7 +41,7 @@ impl PerAxis {
     /// The SI values for axes of these dimensions, each within the range `R`.
     ///
     /// # Errors
-    /// A wrong number of them, text that is no quantity, another dimension, or a value out of range.
+    /// A wrong number of quantities, text that is not a quantity, another dimension, or a value out of range.
     pub fn si<R: Range>(&self, axes: &[Dimension]) -> Result<Vec<f64>, UnitError> {
         match self {
             Self::Same(one) => axes.iter().map(|dimension| one.within::<R>(*dimension)).collect(),
@@ -50,7 +50,7 @@ impl PerAxis {
         }
     }
 
-    /// The same for what has a direction, so that one quantity holds for one axis only.
+    /// The same for a quantity with a direction: a single quantity is then valid for one axis only.
     ///
     /// # Errors
     /// As [`si`](Self::si).
@@ -69,7 +69,7 @@ fn elements<R: Range>(each: &[AnyQuantity], axes: &[Dimension]) -> Result<Vec<f6
     each.iter().zip(axes).enumerate().map(one).collect()
 }
 
-/// Reads a [`PerAxis`]; what is expected besides one quantity is said by `array`.
+/// Reads a [`PerAxis`]; `array` describes the expected array.
 struct PerAxisVisitor<Q> {
     array: fn(&mut fmt::Formatter<'_>) -> fmt::Result,
     quantity: PhantomData<Q>,
@@ -127,13 +127,13 @@ impl JsonSchema for PerAxis {
     }
 }
 
-/// `N` quantities: an array of exactly `N`, or one quantity that holds for every axis.
+/// `N` quantities: an array of exactly `N`, or one quantity for every axis.
 pub struct Axes<D, R = range::Finite, const N: usize = 3>([Quantity<D, R>; N]);
 
 /// Three quantities, all of them written: a lever arm has no scalar form.
 pub struct Vec3Of<D, R = range::Finite>([Quantity<D, R>; 3]);
 
-/// What both have in common with a plain array.
+/// The common part of both types and a plain array.
 macro_rules! array_traits {
     ($Array:ident, $N:tt $(, $size:ident)?) => {
         impl<D, R $(, const $size: usize)?> $Array<D, R $(, $size)?> {
@@ -208,7 +208,7 @@ impl<'de, D: Dimensional, R: Range> Deserialize<'de> for Vec3Of<D, R> {
     }
 }
 
-/// An array of `N` out of what is written as one.
+/// Converts the written quantities to an array of `N`.
 fn exactly<D: Dimensional, R: Range, E: Error, const N: usize>(each: Vec<Quantity<D, R>>) -> Result<[Quantity<D, R>; N], E> {
     let length = each.len();
     each.try_into()

@@ -23,13 +23,13 @@ pub trait Dimensional: Copy + Send + Sync + 'static {
 
 /// A range as a type: the markers in [`range`].
 pub trait Range: Copy + Send + Sync + 'static {
-    /// The condition as messages state it; empty where every finite value is allowed.
+    /// The condition in the words of messages; empty if every finite value is allowed.
     const CONDITION: &'static str;
     /// The name of the marker, for schemas.
     const NAME: &'static str;
-    /// Whether the finite value `si` is allowed.
+    /// Returns true if the finite value `si` is allowed.
     fn contains(si: f64) -> bool;
-    /// What was probably meant by the bare number `si` outside the range.
+    /// The text that was probably meant by the bare number `si` outside the range.
     fn meant(_si: f64) -> Option<String> {
         None
     }
@@ -37,7 +37,7 @@ pub trait Range: Copy + Send + Sync + 'static {
     fn limit(_schema: &mut Schema) {}
 }
 
-/// `si` where it is finite and within `R`; `text` is how it was written, `None` for a bare number.
+/// `si` if it is finite and within `R`; `text` is its written form, `None` for a bare number.
 pub(super) fn within<R: Range>(si: f64, text: Option<&str>, wanted: Kind) -> Result<f64, UnitError> {
     let written = || text.map_or_else(|| si.to_string(), str::to_owned);
     if !si.is_finite() {
@@ -96,15 +96,15 @@ impl<D: Dimensional, R: Range> Quantity<D, R> {
     /// From a value in SI units, checked.
     ///
     /// # Errors
-    /// Where the value is not finite or out of range.
+    /// A value that is not finite or out of range.
     pub fn try_from_si(si: f64) -> Result<Self, UnitError> {
         Self::checked(si, None)
     }
 
-    /// From text with a unit; a pure number needs none.
+    /// From text with a unit; a pure number needs no unit.
     ///
     /// # Errors
-    /// Where the text is no quantity, has another dimension or is out of range.
+    /// Text that is not a quantity, has another dimension or is out of range.
     pub fn from_text(text: &str) -> Result<Self, UnitError> {
         let (si, found) = parse(text).map_err(|why| UnitError::Expected {
             why: Box::new(why),
@@ -126,7 +126,7 @@ impl<D: Dimensional, R: Range> Quantity<D, R> {
     }
 }
 
-// Written out, because a derive would ask the markers for the same traits.
+// Written out, because a derive would require the same traits of the markers.
 impl<D, R> Clone for Quantity<D, R> {
     fn clone(&self) -> Self {
         *self
@@ -230,7 +230,7 @@ impl<D: Dimensional, R: Range> JsonSchema for Quantity<D, R> {
     }
 }
 
-/// The ranges a quantity can be held to.
+/// The ranges for quantities.
 pub mod range {
     use schemars::Schema;
 
@@ -297,7 +297,7 @@ pub mod range {
         }
     }
 
-    /// A range of angles, in degrees: its conversion rounds as that of the text does.
+    /// A range of angles, in degrees: its conversion rounds in the same way as that of the text.
     macro_rules! degrees {
         ($Name:ident, $least:literal, $most:literal, $condition:literal) => {
             impl Range for $Name {
@@ -323,7 +323,7 @@ pub mod range {
 /// Declares the marker, the alias and the catalogue entry of each dimension.
 macro_rules! dimensions {
     ($($(#[$doc:meta])* $Name:ident $halves:tt $name:literal [$symbol:literal] $example:literal)*) => {
-        /// The dimensions as types, for [`Quantity`] and its kin: `Positive<dim::Length>`.
+        /// The dimensions as types, for [`Quantity`] and related types: `Positive<dim::Length>`.
         pub mod dim {
             use super::{Dimension, Dimensional, Kind};
             $(
@@ -344,13 +344,13 @@ macro_rules! dimensions {
         }
         $($(#[$doc])* pub type $Name = Quantity<dim::$Name>;)*
 
-        /// Every dimension that has a name; the first of equal ones names them all.
+        /// Every dimension that has a name; of equal dimensions, the first gives the name.
         pub(super) static KINDS: &[Kind] = &[$(<dim::$Name as Dimensional>::KIND),*];
     };
 }
 
-// Exponents in halves of m, kg, s, A, K, rad. A white noise density x/√Hz has the dimension of x·√s,
-// that is of the random walk it integrates to.
+// Exponents in halves of m, kg, s, A, K, rad. A white noise density x/√Hz has the dimension x·√s, which is the
+// dimension of the random walk that it integrates to.
 dimensions! {
     /// A pure number.
     Ratio [0, 0, 0, 0, 0, 0] "a pure number" ["1"] "2 %"
@@ -368,7 +368,7 @@ dimensions! {
     Acceleration [2, 0, -4, 0, 0, 0] "an acceleration" ["m/s^2"] "1 mg"
     /// Metres per second cubed.
     Jerk [2, 0, -6, 0, 0, 0] "a jerk" ["m/s^3"] "0.5 m/s^3"
-    /// Radians; a dimension of its own.
+    /// Radians; a separate dimension.
     Angle [0, 0, 0, 0, 0, 2] "an angle" ["rad"] "5 deg"
     /// Radians per second.
     AngularRate [0, 0, -2, 0, 0, 2] "an angular rate" ["rad/s"] "1 deg/h"

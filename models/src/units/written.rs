@@ -1,4 +1,4 @@
-//! A quantity as it is written: a bare number, or text with a unit.
+//! The written form of a quantity: a bare number, or text with a unit.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -7,9 +7,9 @@ use serde::de::{Deserializer, Error, Visitor};
 
 use super::error::UnitError;
 
-/// What can be made of a bare number or of text.
+/// A type that can be read from a bare number or from text.
 pub(super) trait Written: Sized {
-    /// States what is wanted.
+    /// Describes the expected input.
     fn expecting(f: &mut fmt::Formatter<'_>) -> fmt::Result;
     /// From a bare number in SI.
     fn number(si: f64) -> Result<Self, UnitError>;

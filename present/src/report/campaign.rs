@@ -21,7 +21,7 @@ const SCRIPTS: Scripts = &[BASE, &[include_str!("script/campaign.js"), include_s
 pub struct Look {
     /// The command that makes its report.
     pub command: String,
-    /// Its report, where it was written: a file beside the page.
+    /// Its report, if it was written: a file next to the page.
     pub report: Option<String>,
 }
 
@@ -111,7 +111,7 @@ fn fan(quantity: usize, bins: &[Together]) -> Option<(Fan, (f64, f64))> {
     Some((fan, (first.time, last.time)))
 }
 
-/// The runs of a campaign, that with the largest error first; NaN last.
+/// The runs of a campaign, the run with the largest error first; NaN last.
 #[must_use]
 pub fn worst_first(campaign: &Campaign) -> Vec<&RunRow> {
     // Without positions the attitude judges.

@@ -1,6 +1,6 @@
 //! Whether errors and innovations are as large, and as independent, as the filter says.
 //!
-//! NEES, NIS   χ² of as many degrees of freedom as numbers: 19 of 20 lie between its quantiles of 2.5 and 97.5 %
+//! NEES, NIS   χ² with one degree of freedom per number: 19 of 20 lie between its quantiles of 2.5 and 97.5 %
 //! r / σ       normal with variance one, each innovation r over its own σ from S = H P Hᵀ + R
 //! ρ_k         Σ u_j u_{j+k} / Σ u_j², u = r / σ, no mean taken out: of white innovations 19 of 20 lie within
 //!             ±1.96 / √N
@@ -13,7 +13,7 @@ use core::ops::RangeInclusive;
 use fusion_core::consistency::{chi_square_quantile, chi_square_tail};
 use fusion_core::filter::{Update, Verdict};
 
-/// Bins of a histogram, a quarter of σ each: from −5 to 5; what lies beyond is in the outermost.
+/// Bins of a histogram, a quarter of σ each, from −5 to 5; values beyond are in the outermost bins.
 const BINS: usize = 40;
 const PER_SIGMA: f64 = 4.0;
 /// Lags of an autocorrelation, in measurements.
@@ -26,7 +26,7 @@ pub(super) fn band(dof: usize) -> RangeInclusive<f64> {
     chi_square_quantile(0.025, dof)..=chi_square_quantile(0.975, dof)
 }
 
-/// How many values of a statistic lie in the band that it should have.
+/// The number of values of a statistic within its expected band.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Share {
     /// Degrees of freedom.
@@ -73,7 +73,7 @@ impl Judged {
         }
     }
 
-    /// The statistic at `t` \[s\] with its degrees of freedom, where there is one.
+    /// Adds the statistic at `t` \[s\] with its degrees of freedom, if there is one.
     pub(super) fn add(&mut self, t: f64, found: Option<(f64, usize)>) {
         let Some((value, dof)) = found else { return };
         let before = self.share.dof;
@@ -132,13 +132,13 @@ impl Normalised {
         self.count += 1;
     }
 
-    /// How many lie in each bin, as shares per σ: what a density is compared with.
+    /// The share of values in each bin, per σ, to be compared with a density.
     pub(super) fn density(&self) -> Vec<f64> {
         let all = self.count.max(1) as f64;
         self.bins.iter().map(|n| *n as f64 * PER_SIGMA / all).collect()
     }
 
-    /// The autocorrelation at 1, 2, … measurements; empty where there is none.
+    /// The autocorrelation at 1, 2, … measurements; empty without innovations.
     pub(super) fn autocorrelation(&self) -> Vec<f64> {
         let lags = LAGS.min((self.count as usize).saturating_sub(1));
         let own = self.products[0];
@@ -150,7 +150,7 @@ impl Normalised {
     }
 }
 
-/// What a gate does, and what it would do to a consistent filter.
+/// The rejections of a gate, and those expected for a consistent filter.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Rejections {
     /// Measurements judged.
@@ -171,7 +171,7 @@ fusion_core::memory!(Rejections {
 });
 
 impl Rejections {
-    /// What became of a measurement.
+    /// Counts the outcome of a measurement.
     pub(super) fn add(&mut self, update: &Update<'_>) {
         let is_judged = matches!(update.verdict, Verdict::Accepted | Verdict::Rejected | Verdict::Reacquired);
         if !is_judged || !update.threshold.is_finite() {
@@ -190,7 +190,7 @@ impl Rejections {
 mod tests {
     use super::*;
 
-    /// Uniform in −1 to 1, by a generator of its own.
+    /// Uniform from −1 to 1, by its own generator.
     fn noise(count: usize) -> impl Iterator<Item = f64> {
         let mut bits = 9_u64;
         (0..count).map(move |_| {

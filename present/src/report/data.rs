@@ -1,4 +1,4 @@
-//! The data of a page: what its script draws, as columns in base64.
+//! The data of a page: the columns that its script draws, in base64.
 
 use super::consistency::{Judged, Normalised, Share as Inside, band};
 use super::intervals::Bar;
@@ -41,14 +41,14 @@ struct RunData {
     quantities: [QuantityData; 3],
     path: TableData,
     true_path: TableData,
-    /// The rows of a sensor that were withheld, where they are the reference: points, and no way.
+    /// The rows of a sensor that were withheld, if they are the reference: they are drawn as points, not as a path.
     withheld: Option<String>,
     smoothed: Option<SmoothedData>,
     sensors: Vec<SensorData>,
     inputs: Vec<InputData>,
     parameters: Vec<ParameterData>,
     nees: Vec<NeesData>,
-    /// Where the run is not the first: position, velocity and attitude less those of the first at the same times.
+    /// For a run that is not the first: position, velocity and attitude minus those of the first at the same times.
     differences: TableData,
     outages: Vec<(f64, f64)>,
     /// From, to, stream and name of each declared fault.
@@ -102,7 +102,7 @@ struct SensorData {
     rejections: Option<RejectionsData>,
 }
 
-/// A parameter's axis: its value and 3σ, and what the simulation drew.
+/// A parameter's axis: its value and 3σ, and the value that the simulation drew.
 #[derive(Serialize)]
 struct ParameterData {
     name: String,
@@ -208,7 +208,7 @@ fn capacity(runs: &[Run<'_>]) -> usize {
     capacity
 }
 
-/// What is drawn of `runs`.
+/// The data to draw for `runs`.
 pub(super) fn data(runs: &[Run<'_>]) -> Data {
     let spans = runs.iter().filter_map(|r| r.recording.span());
     let span = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or((0.0, 1.0));
@@ -260,7 +260,7 @@ impl Extent {
     }
 }
 
-/// What all runs of a page have in common.
+/// The settings that all runs of a page share.
 struct Share {
     /// Buckets per series.
     capacity: usize,
@@ -300,9 +300,9 @@ impl Share {
         }
     }
 
-    /// The map spans the truth, the path asked for, the used fixes of the first run and what was estimated in good health.
-    /// Other estimates and rejected fixes count where they are no farther away than the size of this; none counts that was
-    /// made while the run was lost. Where nothing is sound, all estimates count.
+    /// The map spans the truth, the path asked for, the used fixes of the first run and the estimates in good health.
+    /// Other estimates and rejected fixes count if they are no farther away than the size of this area. Estimates made
+    /// while the run was lost do not count. If there are no sound points at all, all estimates count.
     fn extent(&self, runs: &[Run<'_>]) -> [[f64; 2]; 2] {
         let (mut sound, mut all) = (Extent::default(), Extent::default());
         let mut doubtful: Vec<[f64; 2]> = Vec::new();
@@ -350,7 +350,7 @@ impl Share {
         }
     }
 
-    /// What later data say of the same run; the truth is that of the run.
+    /// The smoothed estimates of the same run; the truth is that of the run.
     fn smoothed(&self, r: &Recording, score: Option<&Score>) -> SmoothedData {
         SmoothedData {
             quantities: self.quantities(r, score).map(|q| QuantityData {
@@ -455,7 +455,7 @@ impl Share {
         named.filter_map(of).collect()
     }
 
-    /// Whole estimates less those of the first run at the same times; none of that itself.
+    /// Whole estimates minus those of the first run at the same times; empty for the first run itself.
     fn differences(&self, run: &Recording, first: &Recording, shift: &Vector3<f64>) -> TableData {
         let mut all = Samples::<9>::new(self.capacity);
         if core::ptr::eq(run, first) {
@@ -491,7 +491,7 @@ fn difference(k: usize, own: f64, other: f64, shift: &Vector3<f64>) -> f64 {
     }
 }
 
-/// The heading that a controller wanted \[deg\]; not a number where it wanted none.
+/// The heading commanded by a controller \[deg\]; NaN without a command.
 fn wanted(summary: &Summary) -> TableData {
     let headings = summary.control.iter().flat_map(|record| &record.headings);
     let (time, degrees) = headings.map(|(t, h)| (*t, h.map_or(f32::NAN, |h| h.to_degrees() as f32))).unzip();
@@ -532,7 +532,7 @@ impl NormalisedData {
 }
 
 impl BandData {
-    /// None where nothing was counted.
+    /// `None` without counted measurements.
     fn of(share: &Inside) -> Option<Self> {
         let (low, high) = band(share.dof).into_inner();
         (share.count > 0).then_some(Self {
@@ -589,7 +589,7 @@ mod tests {
         assert_eq!(extent(&[(0.0, State::Good)]), whole);
         assert_eq!(extent(&[(0.0, State::Good), (10.0, State::Degraded)]), near);
         assert_eq!(extent(&[(0.0, State::Good), (11.0, State::Lost)]), [[0.0, -10.0], [10.0, 0.0]]);
-        // Where there is nothing else, all of it.
+        // Without sound estimates, all estimates count.
         assert_eq!(extent(&[(0.0, State::Lost)]), whole);
     }
 

@@ -8,7 +8,7 @@ const PER_DECADE: f64 = 24.0;
 /// The shortest interval that is counted apart \[s\], and the factors of ten above it.
 const LEAST: f64 = 1e-3;
 const DECADES: usize = 8;
-/// A sensor is drawn whose longest interval is more than so many of its usual ones: the others are regular.
+/// A sensor is drawn if its longest interval exceeds its usual interval by this factor; other sensors are regular.
 const IRREGULAR: f64 = 1.5;
 
 /// Intervals of one sensor.
@@ -66,7 +66,7 @@ impl Intervals {
         self.counts[bin] += 1;
     }
 
-    /// Whether they are worth drawing.
+    /// Returns true if the intervals are irregular, and so are drawn.
     pub(super) fn is_irregular(&self) -> bool {
         let all: u64 = self.counts.iter().sum();
         let mut seen = 0;
@@ -93,9 +93,9 @@ impl Intervals {
     }
 }
 
-/// The bin of an interval; what is shorter than the first belongs to it.
+/// The bin of an interval; an interval shorter than the first bin belongs to the first bin.
 fn bin(interval: f64) -> usize {
-    // A thousandth of a bin: an interval on an edge, a second for one, belongs above it whatever its rounding.
+    // Adds a thousandth of a bin: an interval on an edge, for example one second, belongs above it despite rounding.
     ((interval / LEAST).log10() * PER_DECADE + 1e-3).max(0.0) as usize
 }
 
@@ -116,7 +116,7 @@ mod tests {
             t += step;
             intervals.add(t);
         }
-        // A step back is no interval: the last one is half a second after the latest before it.
+        // A step back does not count: the last interval is half a second, from the latest time before it.
         let bars: Vec<_> = intervals.bars().into_iter().filter(|b| b.count > 0).collect();
         let counted: Vec<u64> = bars.iter().map(|b| b.count).collect();
         assert_eq!(counted, [1, 3, 1, 1]);

@@ -1,8 +1,8 @@
-//! The report of a run, or of several beside each other: one HTML file that needs nothing else.
+//! The report of a run, or of several runs next to each other: one HTML file that needs nothing else.
 //!
-//! A [`Recording`] observes a run and keeps what is worth drawing in bounded memory; [`write()`]
-//! turns one or more of them into a page with its plots, data and script inside. The page loads
-//! nothing: its content security policy forbids it.
+//! A [`Recording`] observes a run and keeps the data to draw in bounded memory; [`write()`] turns one or
+//! more recordings into a page that contains its plots, data and script. The page loads nothing: its
+//! content security policy forbids it.
 //!
 //! Plots: uPlot 1.6.32 (MIT), in `vendor/`.
 

@@ -11,13 +11,13 @@ use fusion_tables::{Section, html::sections};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::io::Write;
 
-/// Loads nothing, from nowhere.
+/// The content security policy: the page loads nothing.
 const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:";
 
 /// Scripts of a page, in order: each sees the names of those before it.
 pub(super) type Scripts = &'static [&'static [&'static str]];
 
-/// What every page with plots has.
+/// The scripts of every page with plots.
 pub(super) const BASE: &[&str] = &[
     include_str!("script/base.js"),
     include_str!("script/time.js"),
@@ -45,11 +45,11 @@ const HELP: &str = "Drag over a plot to zoom all of them in time, with Shift to 
 /// One run of a report.
 #[derive(Clone, Copy, Debug)]
 pub struct Run<'a> {
-    /// What the page calls it.
+    /// Its name on the page.
     pub name: &'a str,
-    /// What is drawn.
+    /// The data to draw.
     pub recording: &'a Recording,
-    /// What is tabulated.
+    /// The figures for the tables.
     pub summary: &'a Summary,
 }
 
@@ -112,7 +112,7 @@ fn head(title: &str) -> Markup {
     }
 }
 
-/// What the runs are, where the title does not say it.
+/// The descriptions of the runs, unless the title contains them.
 fn descriptions(title: &str, runs: &[Run<'_>]) -> Markup {
     let mut shown = vec![title, ""];
     let mut lines = Vec::new();
@@ -130,7 +130,7 @@ fn descriptions(title: &str, runs: &[Run<'_>]) -> Markup {
     }
 }
 
-/// Errors of one run, or several runs beside each other.
+/// Errors of one run, or of several runs next to each other.
 fn result(runs: &[Run<'_>]) -> Markup {
     if runs.iter().all(|r| r.summary.score.is_none()) {
         return html! { p { "No reference to score against." } (compared(runs)) };
@@ -165,7 +165,7 @@ fn warnings(runs: &[Run<'_>]) -> Markup {
     }
 }
 
-/// What else the summaries hold, run by run.
+/// The other figures of the summaries, run by run.
 fn numbers(runs: &[Run<'_>]) -> Markup {
     let of = |run: &Run<'_>| -> Vec<Section> {
         let s = Shown(run.summary);

@@ -29,11 +29,11 @@ struct OfFilter {
 pub(super) struct ParameterTrack {
     /// `imu.gyro_bias x`.
     pub name: String,
-    /// What it is shown in.
+    /// The unit in which it is shown.
     pub unit: Unit,
     /// Value and 3σ.
     pub estimate: Trace,
-    /// What the simulation drew.
+    /// The value that the simulation drew.
     pub truth: Trace,
 }
 
@@ -47,7 +47,7 @@ impl Memory for Parameters {
 }
 
 impl Parameters {
-    /// Of these filters, without a value yet.
+    /// The parameters of these filters, without a value yet.
     pub(super) fn of(filters: &Filters) -> Self {
         Self(filters.iter().map(OfFilter::new).collect())
     }
@@ -69,7 +69,7 @@ impl Parameters {
     pub(super) fn truth(&mut self, filter: &Heard, belief: &Belief, truth: &[f64]) {
         let Some(own) = self.0.get_mut(filter.number) else { return };
         let t = belief.time.seconds();
-        // Of the estimates that are drawn.
+        // Only for the estimates that are drawn.
         if own
             .tracks
             .first()

@@ -1,4 +1,4 @@
-//! What a report draws, collected while a run goes on, in memory that does not grow with it.
+//! The data that a report draws, collected during a run in bounded memory.
 
 use super::consistency::Judged;
 use super::parameters::Parameters;
@@ -31,18 +31,18 @@ pub(super) const POINTS: usize = 8192;
 const STATES: usize = 4096;
 /// Buckets of the NEES.
 const NEES: usize = 2048;
-/// Estimates are drawn this often at most \[ns\]: 50 Hz shows every motion of a vehicle or a hand. What is measured
-/// is drawn at its own rate.
+/// The shortest time between drawn estimates \[ns\]: 50 Hz shows every motion of a vehicle or a hand. Measurements
+/// are drawn at their own rate.
 const PERIOD: i64 = 20_000_000;
 /// Input channels that are drawn; further ones are left out.
 const INPUTS: usize = 24;
-/// Channels with such names say how good others are.
+/// Channels with these names give the accuracy of other channels.
 const QUALITY: [&str; 5] = ["sigma", "variance", "covariance", "noise", "accuracy"];
 
-/// What the curves are relative to.
+/// The frame and the point that the curves refer to.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
-    /// Origin of local north, east, down; the first position where there is none.
+    /// Origin of local north, east, down; by default the first position.
     pub origin: Option<Geodetic>,
     /// The reference's point in body axes \[m\]: the estimate is shown there.
     pub lever_arm: Vector3<f64>,
@@ -66,11 +66,11 @@ pub struct Recording {
     pub(super) position: Quantity,
     pub(super) velocity: Quantity,
     pub(super) attitude: Quantity,
-    /// Estimated and reference attitude and the 1σ of roll, pitch, yaw, where the mounting
-    /// between the two is only known in the end.
+    /// Estimated and reference attitude and the 1σ of roll, pitch, yaw, if the mounting between the two is
+    /// known only at the end.
     pub(super) mounted: Samples<11>,
-    /// Whole estimates, for runs beside each other: position, velocity, roll pitch yaw; those of equal times are of
-    /// equal numbers in all of them.
+    /// Whole estimates, to compare runs: position, velocity, roll pitch yaw. Estimates at equal times have equal
+    /// numbers in all runs.
     pub(super) states: Samples<9>,
     pub(super) path: Path,
     pub(super) true_path: Path,
@@ -83,7 +83,7 @@ pub struct Recording {
     angles: Unwrapped<3>,
     /// Parts of the map that are enlarged.
     pub(super) details: Vec<MapDetailSpec>,
-    /// What was recorded of the smoothed estimates, where there are any.
+    /// The recording of the smoothed estimates, if there are any.
     pub(super) smoothed: Option<Box<Self>>,
     /// By stream: the channels that are drawn, with their tracks.
     ports: Vec<Vec<(StreamChannel, usize)>>,
@@ -97,7 +97,7 @@ pub(super) struct Quantity {
     pub truth: Trace,
     /// Error and 3σ per axis.
     pub error: Trace,
-    /// What to add to the estimate to have its turns counted like the truth's.
+    /// The full turns to add to the estimate so that it is comparable with the truth.
     pub turns: Option<Vector3<f64>>,
 }
 
@@ -118,7 +118,7 @@ pub(super) struct InputTrack {
     pub name: String,
     pub unit: String,
     pub trace: Trace,
-    /// Factor from what the row holds.
+    /// Factor from the value in the row to the unit.
     scale: f64,
     angle: Option<Unwrapped<1>>,
 }
@@ -222,7 +222,7 @@ impl Recording {
         }
     }
 
-    /// One that hears other estimates of the same run.
+    /// A recording for other estimates of the same run.
     pub(super) fn beside(&self) -> Self {
         Self::new(self.frame.clone())
     }
@@ -243,7 +243,7 @@ impl Recording {
             let track = recording.sensor(&sensor.name, sensor.rows.len());
             recording.sensors[track].is_place = sensor.is_place;
         }
-        // What drives the process comes first, then what the sensors read.
+        // The channels that drive the process come first, then those that the sensors read.
         let driving = design.process.block.model.input();
         let drives = |c: &StreamChannel| driving.iter().any(|d| d.name == c.name);
         for stream in &assembly.streams {
@@ -315,7 +315,7 @@ impl Recording {
         self.states.push(t, state);
     }
 
-    /// An epoch of the reference, in order of time, with the error of the estimates told before it.
+    /// An epoch of the reference, in order of time, with the error of the estimates given before it.
     pub fn reference(&mut self, epoch: &ReferenceEpoch, error: Option<&EpochError>) {
         let t = epoch.time.seconds();
         if let Some(ned) = epoch.position.and_then(|place| self.known_ned(&place)) {
@@ -428,8 +428,8 @@ impl Recording {
         self.local.get_or_insert_with(|| LocalFrame::new(*place)).to_ned(place)
     }
 
-    /// The same of a place of which latitude and longitude, or the height, may be unknown: not a number. None
-    /// before the frame is known, where one is.
+    /// The same for a place with an unknown (NaN) horizontal position or height. `None` if one of them is unknown
+    /// and the frame is not yet known.
     fn known_ned(&mut self, place: &Geodetic) -> Option<Vector3<f64>> {
         let (is_placed, has_height) = (place.lat.is_finite() && place.lon.is_finite(), place.height.is_finite());
         if is_placed && has_height {
@@ -454,7 +454,7 @@ impl Recording {
         }
     }
 
-    /// The track of `name`, made for `residual` rows if there is none.
+    /// The index of the track of `name`; a missing track is created for `residual` rows.
     fn sensor(&mut self, name: &str, residual: usize) -> usize {
         self.sensors.iter().position(|s| s.name == name).unwrap_or_else(|| {
             self.sensors.push(SensorTrack::new(name, residual));

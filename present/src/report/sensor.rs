@@ -1,4 +1,4 @@
-//! What became of a sensor's measurements.
+//! The outcomes of a sensor's measurements.
 
 use super::consistency::{Normalised, Rejections, Share};
 use super::intervals::Intervals;
@@ -8,11 +8,11 @@ use fusion_core::filter::{Update, Verdict};
 use fusion_core::gate::Mode;
 use nalgebra::Vector3;
 
-/// What became of a sensor's measurements.
+/// The outcomes of a sensor's measurements.
 #[derive(Clone, Debug)]
 pub(super) struct SensorTrack {
     pub name: String,
-    /// The gate's statistic, where it is one other than the NIS.
+    /// The gate's statistic, if it is different from the NIS.
     pub own_statistic: bool,
     pub gated: bool,
     /// Residual rows that are kept.
@@ -29,11 +29,11 @@ pub(super) struct SensorTrack {
     pub apart: Trace,
     /// From one measurement to the next.
     pub intervals: Intervals,
-    /// How many NIS of those judged lie in the band of a consistent filter.
+    /// How many judged NIS are within the band of a consistent filter.
     pub nis: Share,
     /// The innovations of the accepted, per row that is kept.
     pub normalised: Box<[Normalised]>,
-    /// What the gate does.
+    /// The rejections of the gate.
     pub rejections: Rejections,
 }
 

@@ -1,4 +1,4 @@
-//! Whole pages: their size, their safety, and what a browser makes of them.
+//! Whole pages: their size, their safety, and their display in a browser.
 
 use super::{Frame, Recording, Run, render};
 use fusion::observe::{Filters, RunEvent, RunObserver};
@@ -49,8 +49,8 @@ impl Compared {
     }
 }
 
-/// A vehicle on a circle for `seconds`, sampled at `rate`, the estimate `offset` metres beside the
-/// truth: inertial data, a compass, fixes of which every 50th is rejected, a denial in the middle.
+/// A vehicle on a circle for `seconds`, sampled at `rate`; the estimate is `offset` metres away from the truth.
+/// It has inertial data, a compass, fixes (every 50th is rejected), and a denial in the middle.
 fn recording_at(rate: i64, seconds: f64, offset: f64) -> Recording {
     let mut r = Compared::new();
     let steps = (seconds * rate as f64) as i64;
@@ -460,8 +460,8 @@ fn a_browser_draws_every_plot_without_error_or_request() {
     for (name, page) in [("one", &alone), ("two", &both)] {
         let root = root_in_browser(&browser, name, page);
         // 3 × 3 values, as many errors, 3 NEES, the NIS of 2 sensors with 3 and 1 innovations, each with its histogram
-        // and its autocorrelation, 4 plots of sensor data, the distance of the fixes, and the map; beside another run
-        // 3 × 3 differences.
+        // and its autocorrelation, 4 plots of sensor data, the distance of the fixes, and the map. With another run
+        // there are 3 × 3 differences too.
         let (drawn, timed) = if name == "one" { ("41", "32") } else { ("50", "41") };
         let wanted = [
             ("error", None),

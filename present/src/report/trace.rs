@@ -1,8 +1,8 @@
 //! Time series in bounded memory.
 //!
 //! A [`Trace`] keeps the extremes of every channel in buckets of equally many samples; when all
-//! buckets are full, neighbours merge and buckets hold twice as many from then on. What is drawn
-//! at one pixel per bucket looks like the whole series. [`Samples`] keeps whole samples instead,
+//! buckets are full, neighbours merge and buckets hold twice as many from then on. A drawing with
+//! one pixel per bucket looks like the whole series. [`Samples`] keeps whole samples instead,
 //! every n-th of them, where channels belong together: the points of a path.
 
 use fusion_core::memory::{Memory, Tape};
@@ -21,7 +21,7 @@ pub struct Trace {
     filled: u64,
     /// First and last time of each bucket \[s\].
     spans: Vec<(f64, f64)>,
-    /// Per bucket and channel, the two extremes in the order they came; NaN where there is none.
+    /// Per bucket and channel, the two extremes in the order they came; NaN without values.
     ends: Vec<[f32; ENDS]>,
 }
 
@@ -42,7 +42,7 @@ impl Memory for Trace {
 pub struct Columns {
     /// Times \[s\].
     pub time: Vec<f64>,
-    /// Values per channel; NaN where there is none.
+    /// Values per channel; NaN for a missing value.
     pub values: Vec<Vec<f32>>,
 }
 

@@ -7,7 +7,7 @@ use fusion::observe::RejectionStreak;
 use fusion::score::Offset;
 use fusion_models::registry::{self, Role};
 
-/// A design with one sensor, and these lines after its own.
+/// A design with one sensor and these extra lines.
 fn text(lines: &str) -> String {
     format!(
         "[process]
@@ -68,7 +68,7 @@ fn two_conditions_are_advised_for_the_sensors_that_take_them() {
             let world = text(&format!("{own}{gate}")).replace("sensor.gnss = {", "sensor.other = { rate = '1 Hz' }\nsensor.gnss = {");
             Design::read(Document::parse("x.toml", &world).0)
         };
-        // Some examples share states with sensors that are not here.
+        // Some examples share states with sensors that are not in this design.
         let Ok(design) = read("") else { continue };
         let is_advised = Instrument::of_design(&design, &[])[1].has_horizontal_position;
         let gated = read("[sensor.other.gate]\ntype = 'two_condition'\nheight = false\n").unwrap();
@@ -306,7 +306,7 @@ fn a_mounting_is_not_removed_where_the_reference_has_other_axes() {
     assert!(of(89.8) && !of(3.3));
 }
 
-/// A magnetometer whose innovations tell as much as so few.
+/// A magnetometer whose innovations carry the information of `independent` ones.
 fn repeating(nis: f64, independent: f64) -> (Instrument, SensorStatistics) {
     let instrument = Instrument {
         name: "compass".to_owned(),
@@ -345,7 +345,7 @@ fn a_sensor_whose_measurements_repeat_each_other_comes_before_the_errors_that_it
         let found = judged(&[super::instrument(Some(Bias::Correlated)), compass], &summary).findings();
         found.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
-    // 6000 that tell as much as 15, each 0.5 of what is expected: they count 200 times.
+    // 6000 innovations with the information of 15, each 0.5 of the expected size: they are overweighted 200 times.
     let all = found(1.5, 15.0, Some(11.0));
     assert!(
         all[0].contains("innovations of `compass` each repeat the one before") && all[0].contains("15 independent"),
@@ -357,19 +357,19 @@ fn a_sensor_whose_measurements_repeat_each_other_comes_before_the_errors_that_it
         all[1].contains("NEES position") && all[1].contains("what is said of `compass`"),
         "{all:?}"
     );
-    // Without a reference it is the first, too, and told once.
+    // Without a reference it is the first finding, too, and is reported once.
     let all = found(1.5, 15.0, None);
     assert!(
         all[0].contains("`compass`") && all.iter().filter(|f| f.contains("`compass`")).count() == 1,
         "{all:?}"
     );
-    // Errors that are larger than it explains have another cause.
+    // Larger errors than it explains have another cause.
     let all = found(1.5, 15.0, Some(900.0));
     assert!(all[0].contains("NEES position"), "{all:?}");
-    // Where its noise is raised for it, nothing is said: 0.005/3 of 400.
+    // A noise that is raised for it gives no finding: 0.005/3 of 400.
     let all = found(0.005, 15.0, None);
     assert!(all.iter().all(|f| !f.contains("`compass`")), "{all:?}");
-    // Errors that are as expected judge.
+    // Errors of the expected size judge.
     assert!(found(1.5, 15.0, Some(3.0)).is_empty());
 }
 
@@ -511,7 +511,7 @@ fn a_hardly_known_heading_names_another_chart_where_the_attitude_is_wrong() {
     for (degrees, nees, is_invariant) in [(5.0, 16.0, false), (20.0, 4.0, false), (20.0, 16.0, true)] {
         assert_eq!(of(degrees, nees, is_invariant, &growth, &receiver), "");
     }
-    // Where a receiver is missing, and what stands still or tells a height is all, no NEES is needed.
+    // If a receiver is missing, and only a standstill or a height is measured, no NEES is needed.
     let standing = Instrument {
         is_constraint: true,
         measures: Some(Measures::Velocity),

@@ -1,4 +1,4 @@
-//! What innovations tell.
+//! Findings from innovations.
 
 use super::*;
 
@@ -67,7 +67,7 @@ fn what_each_innovation_has_of_the_one_before_tells_noise_from_an_error_that_las
     assert_eq!(of(3.0, 0.7, 20), "", "too few to tell");
     let large = of(9.0, 0.7, 300);
     assert!(large.contains("so it is no noise") && large.lines().count() == 1, "{large}");
-    // A reference tells more.
+    // A reference judges better.
     let mut s = sensor(3.0);
     (s.innovations.lag_1, s.innovations.count) = (vec![0.9], 300);
     assert!(found(instrument(Some(Bias::Fixed)), s, Some(3.0)).is_empty());
@@ -153,7 +153,7 @@ fn innovations_of_hundreds_are_no_matter_of_noise() {
     let (axes, noise) = (far[0].find("axes, signs, units and `lever_arm`"), far[0].find("`noise`"));
     assert!(axes.is_some() && axes < noise && far[0].contains("fusion check"), "{far:?}");
     assert!(!far[0].contains("raise its `noise`"), "{far:?}");
-    // 60 of 3 may be outliers, or a noise of another receiver.
+    // 60 of 3 may be outliers, or the noise of another receiver.
     let near = found(instrument(None), sensor(60.0), None);
     assert!(
         !near[0].contains("hardly noise") && near[0].ends_with("then look at its `noise`"),

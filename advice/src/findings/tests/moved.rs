@@ -1,4 +1,4 @@
-//! What is said of calibrations that moved while innovations were too large.
+//! Findings about calibrations that moved while innovations were too large.
 
 use super::super::moved::Reports;
 use super::*;
@@ -31,7 +31,7 @@ fn excess(sensor: &str, nis: f64) -> Excess {
     }
 }
 
-/// A velocity of a receiver whose file has these columns, which nothing reads.
+/// A velocity of a receiver whose file has these unread columns.
 fn told(unread: &[&str], reports: Option<Reports>, nis: f64, excesses: Vec<Excess>) -> Vec<String> {
     let velocity = Instrument {
         measures: Some(Measures::Velocity),
@@ -75,13 +75,14 @@ fn a_calibration_that_moved_is_told_with_the_columns_that_nothing_reads() {
     let edit = "`svn_mps`, `sve_mps`, `svd_mps`: write `source.receiver.channels.velocity_sigma = { columns = [\"svn_mps\", \"sve_mps\", \
                 \"svd_mps\"], unit = \"m/s\" }` and `sensor.gnss.noise = { sigma = \"4 cm/s\", from_source = true }`";
     assert!(all[0].contains(edit), "{all:#?}");
-    // A channel that is there has to be taken alone.
+    // A channel that is in the file only has to be used.
     let all = told(&[], reports(true), 3.0, vec![excess("gnss", 12.0)]);
     assert!(
         all[0].contains("in its channel `velocity_sigma`: write `sensor.gnss.noise"),
         "{all:#?}"
     );
-    // Without such columns, of another quantity, of fewer axes, or where the sensor takes them, the noise is spoken of.
+    // The noise is named if there are no such columns, or they are of another quantity or fewer axes, or the sensor
+    // uses them.
     let others = [
         told(&["q"], reports(false), 3.0, vec![excess("gnss", 12.0)]),
         told(&["sn_m", "se_m", "su_m"], reports(false), 3.0, vec![excess("gnss", 12.0)]),
@@ -101,7 +102,7 @@ fn columns_are_named_where_all_innovations_are_too_large_and_a_sensor_is_told_on
     assert_eq!(all.len(), 1, "{all:#?}");
     let evidence = "NIS of `gnss` is 12 of 3, innovations are 2 times what is expected; from 12.0 s to 110.0 s `gnss.time_offset` moved";
     assert!(all[0].starts_with(evidence) && all[0].contains("`svn_mps`"), "{all:#?}");
-    // So much is hardly noise.
+    // This is too much for noise.
     let all = told(&columns, reports(false), 400.0, Vec::new());
     assert!(all.iter().all(|told| !told.contains("svn_mps")), "{all:#?}");
 }
@@ -121,6 +122,6 @@ fn what_two_sensors_moved_at_a_time_is_told_of_the_one_with_the_larger_innovatio
     };
     assert_eq!(both(6.0, 50.0), ["gnss"]);
     assert_eq!(both(24.0, 50.0), ["wheels"]);
-    // At another time it is another move.
+    // At another time it is a separate move.
     assert_eq!(both(6.0, 300.0), ["gnss", "wheels"]);
 }

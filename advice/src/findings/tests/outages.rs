@@ -12,7 +12,7 @@ fn outages_that_end_beyond_three_sigma_are_found_where_chance_does_not_explain_t
         };
         (0..all).map(drift).collect()
     };
-    // Of n, k or more by chance: 1.1 % (1, 1), 2.2 % (2, 1), 0.7 % (12, 2), 2.3 % (21, 2), 0.1 % (20, 3).
+    // The probability of k or more of n: 1.1 % (1, 1), 2.2 % (2, 1), 0.7 % (12, 2), 2.3 % (21, 2), 0.1 % (20, 3).
     for (bold, all, is_told) in [
         (0, 5, false),
         (1, 1, true),
@@ -55,7 +55,7 @@ fn one_outage_is_told_by_its_size_and_with_what_moved_the_estimate() {
         told.evidence.contains("outage at 300.0 s the error is 17.6 m, 4.4 times") && told.advice.contains("`standing` at 312.3 s"),
         "{told}"
     );
-    // What a consistent filter does now and then is not accused.
+    // Behaviour that a consistent filter shows now and then is not reported.
     assert!(!far_outage(&outages(10.1, 1.9)).unwrap().advice.contains("standing"));
     let summary = Summary {
         score: Some(Score {

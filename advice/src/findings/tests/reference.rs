@@ -1,4 +1,4 @@
-//! What is said of the reference, and of the heading that is compared with it.
+//! Findings about the reference, and about the heading that is compared with it.
 
 use super::super::stamps::{Common, Delay};
 use super::*;
@@ -114,7 +114,7 @@ fn a_latency_and_an_offset_are_told_with_their_figures() {
         ..Offset::default()
     };
     assert!(of(arm, 3.0).contains("give `reference.lever_arm = [1.25, 0.00, 0.00]`"));
-    // What is not known of an axis is none, and a millimetre is not worth a word.
+    // An undetermined axis is ignored, and a millimetre is not reported.
     for body in [[0.01, 0.0, -60.0], [0.0; 3]] {
         assert_eq!(
             of(
@@ -128,7 +128,7 @@ fn a_latency_and_an_offset_are_told_with_their_figures() {
             ""
         );
     }
-    // Down is known, too, as far as its 1σ tells; but it explains nothing by itself, as of a vehicle that is level.
+    // Down is determined, too, by its 1σ. But it explains nothing by itself, as on a level vehicle.
     let level = Offset {
         body: [-1.25, -0.004, -1.9],
         sigma: [0.07, 0.04, 0.3],
@@ -142,13 +142,13 @@ fn a_latency_and_an_offset_are_told_with_their_figures() {
         ..level
     };
     assert!(of(tilted, 3.0).contains("`reference.lever_arm = [1.25, 0.00, 1.90]`"));
-    // Errors that wander fit another arm in each half.
+    // Slow errors fit another arm in each half.
     let wanders = Offset {
         halves: [[-0.3, 0.0, 0.0], [-2.1, 0.0, 0.0]],
         ..arm
     };
     assert_eq!(of(wanders, 3.0), "");
-    // Known, but not all of it: named as one of the causes.
+    // A determined arm that explains only a part: named as one of the causes.
     let part = of(Offset { explained: 0.4, ..arm }, 30.0);
     assert!(
         !part.contains("is explained") && part.contains("the position errors fit `lever_arm = [1.25, 0.00, 0.00]`"),
@@ -156,7 +156,7 @@ fn a_latency_and_an_offset_are_told_with_their_figures() {
     );
 }
 
-/// A run whose yaw lies inside 3σ with some share, and its roll and pitch always.
+/// A run with this share of yaw errors inside 3σ; roll and pitch are always inside.
 fn attitude(inside: f64, course: Option<Course>) -> Score {
     Score {
         attitude_deg: Some(Axes {
@@ -193,13 +193,13 @@ fn a_reference_whose_heading_does_not_go_with_its_own_course_is_told_with_the_1_
         all[0].contains("its heading scatters by 0.3°, that of the filter by 0.16°, so 83 %") && all[0].contains("a 1σ of \"0.29 deg\""),
         "{all:?}"
     );
-    // Less than half of it is of the reference, or too little is known of that.
+    // Less than half of the error comes from the reference, or the share is poorly determined.
     let alike = Course { share: 0.6, ..course };
     let few = Course {
         share_sigma: 0.2,
         ..course
     };
-    // A nose that does not follow the way, and a share that no reference can have.
+    // A nose that does not follow the motion, and a share that no reference can have.
     let hovering = Course {
         reference_deg: 96.0,
         ..course
@@ -257,7 +257,7 @@ fn a_heading_that_was_wrong_before_the_alignment_accuses_no_reference() {
     assert!(of(9.0).contains("either the filter or the reference"));
 }
 
-/// A sensor with an estimated offset, whose instrument the reference reads too.
+/// A sensor with an estimated time offset; the reference reads its instrument, too.
 fn common(what: Measures, seconds: f64, latency: f64) -> Common {
     Common {
         delay: Delay {

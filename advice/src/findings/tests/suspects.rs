@@ -1,4 +1,4 @@
-//! Which of several that disagree is looked at first.
+//! The order of suspects if several sensors disagree.
 
 use super::*;
 use fusion::health::{FilterHealth, NamedReason, State, Transition};
@@ -47,7 +47,7 @@ fn the_first_to_disagree_is_looked_at_before_those_that_are_refused() {
         all[0].contains("`sensor.field.enabled = false`") && all[1].starts_with("the gate of `gnss`"),
         "{all:?}"
     );
-    // Later, at once, never, or a part of the same instrument.
+    // It disagrees later, at once, never, or is a part of the same instrument.
     for (field, leader) in [(Some(120.0), None), (Some(111.0), None), (None, None), (Some(100.0), Some("gnss"))] {
         assert!(of(field, leader)[0].starts_with("the gate of `gnss`"), "{field:?} {leader:?}");
     }
@@ -152,7 +152,7 @@ fn a_constraint_that_fails_by_far_accuses_the_input_and_its_detector() {
     let far = of(1421.0, true);
     let (input, detector) = (far.find("input of the process"), far.find("`stage.standing.still`"));
     assert!(input.is_some() && input < detector && !far.contains("raise its"), "{far}");
-    // What is simulated has the axes that are declared.
+    // A simulated unit has the declared axes.
     let simulated = of(1421.0, false);
     assert!(
         simulated.contains("`stage.standing.still`") && !simulated.contains("input of the process"),
@@ -212,7 +212,7 @@ fn a_detector_that_found_nothing_is_told_where_the_run_went_wrong() {
         missed.contains("of `receiver` (the quietest window has 0.031") && missed.contains("at first twice of what it says"),
         "{missed}"
     );
-    // One that always holds has limits that are too wide.
+    // A detector that always holds has limits that are too wide.
     let always = figures(Detector {
         stage: "receiver".to_owned(),
         tests: 90,

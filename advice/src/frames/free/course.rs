@@ -1,4 +1,4 @@
-//! What became of parameters in a run, and how probable its innovations were.
+//! The estimates of parameters in a run, and the likelihood of its innovations.
 
 use fusion::observe::{Heard, RunEvent, RunObserver};
 use fusion_core::filter::Update;
@@ -6,28 +6,30 @@ use fusion_core::runner::{Event, Halt};
 use fusion_core::state::{Belief, Block, Kind};
 use fusion_core::time::Time;
 
-/// A σ that is not below so much of its first one tells nothing.
+/// A parameter counts as learnt if its σ falls below this fraction of its initial σ.
 const LEARNT: f64 = 1.0 / 3.0;
-/// An estimate that goes so many of its first σ away is no estimate: the filter is.
+/// If an estimate moves by more than this multiple of its initial σ, the filter has gone astray.
 const ASTRAY: f64 = 4.0;
-/// In the second half of the data an estimate stays within so much of its way: what goes on moving follows something else.
+/// In the second half of the data a steady estimate stays within this fraction of its total change. An estimate that
+/// keeps moving follows something else.
 const STEADY: f64 = 0.3;
 /// Estimates are looked at no more often than this \[s\].
 const PERIOD: f64 = 1.0;
-/// How far an estimate moves is looked at from one part of a run to the next, of so many, the first of which still forgets the start.
+/// The number of parts of a run for measuring how far an estimate moves. The first part is skipped because it still
+/// depends on the start.
 const STEPS: usize = 9;
-/// Parts that say how far, at least.
+/// The least number of parts that give a result.
 const FEWEST: usize = 3;
-/// A part that takes less than so much of the variance says nothing of it.
+/// A part that reduces the variance by less than this fraction gives no information about it.
 const TAKEN: f64 = 0.01;
 /// Innovations are summed up over parts of this length \[s\].
 const PART: f64 = 20.0;
-/// What a squared number of an innovation, in units of its σ, counts at most: an outlier says no more than that it is one.
+/// The most that one squared component of an innovation counts, in units of its σ². It limits the effect of outliers.
 const MOST: f64 = 9.0;
-/// The filter does not follow a sensor whose squared innovations have such a mean; 1 is expected.
+/// The filter does not follow a sensor if the mean of its squared innovations exceeds this; 1 is expected.
 const GROSS: f64 = 2.0;
 
-/// How the parameters of the outermost filter go on.
+/// The course of the parameters of the outermost filter over a run.
 #[derive(Debug, Default)]
 pub(super) struct Course {
     blocks: Vec<Block>,
@@ -35,7 +37,7 @@ pub(super) struct Course {
     /// Time, state, and 1σ of each axis.
     told: Vec<(Time, Vec<f64>, Vec<f64>)>,
     first: Option<Time>,
-    /// By sensor, its name and its parts.
+    /// For each sensor, its name and its parts.
     sensors: Vec<(String, Vec<Part>)>,
 }
 
@@ -48,46 +50,46 @@ struct Part {
     squares: f64,
     /// Sum of the squares in units of the declared noise alone.
     scatter: f64,
-    /// −2 ln of their density, but for a constant.
+    /// −2 ln of their density, up to a constant.
     cost: f64,
 }
 
-/// What became of a parameter: by axis the difference from what is declared, and the sum of both, which of a rotation is the
-/// difference alone.
+/// The estimate of a parameter: for each axis the difference from the declared value, and the sum of both. For a
+/// rotation both are the difference.
 #[derive(Clone, Debug)]
 pub(super) struct Estimate {
     pub(super) difference: Vec<f64>,
     pub(super) value: Vec<f64>,
-    /// The filter's own 1σ, which takes all innovations for independent.
+    /// The filter's own 1σ, which assumes independent innovations.
     pub(super) own: Vec<f64>,
-    /// 1σ, wider where the estimate moved more than its own says.
+    /// 1σ, wider if the estimate moved more than the filter's own 1σ allows.
     pub(super) sigma: Vec<f64>,
-    /// Whether its own 1σ has become so much smaller that something was learnt.
+    /// True if the filter's own 1σ became much smaller, so the data carry information.
     pub(super) is_learnt: Vec<bool>,
-    /// Whether it stays near its last value in the second half.
+    /// True if the estimate stays near its last value in the second half.
     pub(super) is_steady: Vec<bool>,
-    /// How many of its first 1σ it went, along the axis where it went furthest.
+    /// The largest distance from the start over the axes, in units of the initial 1σ.
     pub(super) away: f64,
 }
 
 impl Estimate {
-    /// Whether it went further than its first 1σ allows.
+    /// Returns true if the estimate moved further than its initial 1σ allows.
     pub(super) fn is_astray(&self) -> bool {
         self.away > ASTRAY
     }
 
-    /// What is declared along an axis; of a rotation nothing.
+    /// The declared value along an axis; zero for a rotation.
     pub(super) fn declared(&self, k: usize) -> f64 {
         self.value[k] - self.difference[k]
     }
 }
 
-/// How much more probable the innovations of one run are than those of another.
+/// The gain in likelihood of the innovations of one run over those of another.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gain {
     /// The difference of −2 ln of their density.
     pub(super) total: f64,
-    /// The share of the parts of the log that are better.
+    /// The share of the parts of the log that improve.
     pub(super) share: f64,
 }
 
@@ -130,21 +132,21 @@ impl Course {
         part.cost += squares + spread;
     }
 
-    /// Whether the filter does not follow a sensor.
+    /// Returns true if the filter does not follow the sensor.
     pub(super) fn is_gross(&self, sensor: &str) -> bool {
         let (numbers, squares) = self.sum(sensor, |part| part.squares);
         squares > GROSS * numbers
     }
 
-    /// How many times the scatter of its innovations the declared noise of a sensor is.
+    /// The declared noise of a sensor divided by the scatter of its innovations.
     pub(super) fn oversized(&self, sensor: &str) -> Option<f64> {
         let (numbers, scatter) = self.sum(sensor, |part| part.scatter);
         (scatter > 0.0).then(|| (numbers / scatter).sqrt())
     }
 
-    /// The numbers of a sensor, and what is summed up over its parts.
+    /// The number of components of a sensor, and the sum of `what` over its parts.
     fn sum(&self, sensor: &str, what: impl Fn(&Part) -> f64) -> (f64, f64) {
-        // The beams of a Doppler log are sensors of their own.
+        // Each beam of a Doppler log is a separate sensor.
         let is_of = |name: &str| {
             name.strip_prefix(sensor)
                 .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
@@ -157,8 +159,8 @@ impl Course {
         self.sensors.iter().any(|(name, _)| self.is_gross(name))
     }
 
-    /// What is gained over `before`, as if there were as many measurements as there. What is not estimated any more is as bad as
-    /// it can be.
+    /// The gain over `before`, scaled to the number of measurements there. A sensor without measurements in a part gets
+    /// the worst possible cost.
     pub(super) fn gain(&self, before: &Self) -> Gain {
         let parts: Vec<f64> = self.gains(before).collect();
         let better = parts.iter().filter(|gain| **gain > 0.0).count();
@@ -177,7 +179,7 @@ impl Course {
         self.sensors.iter().map(|(_, parts)| parts.len()).max().unwrap_or(0)
     }
 
-    /// What is gained over `before` in each part.
+    /// The gain over `before` in each part.
     fn gains<'c>(&'c self, before: &'c Self) -> impl Iterator<Item = f64> + 'c {
         let of = move |part: usize| {
             let pairs = before.sensors.iter().zip(&self.sensors);
@@ -192,7 +194,7 @@ impl Course {
         (0..before.parts()).map(of)
     }
 
-    /// What became of the state `name`, which is `declared` to be, or what it starts from.
+    /// The estimate of the state `name`. `declared` is the declared value; without it the initial value is the base.
     pub(super) fn estimate(&self, name: &str, declared: Option<&[f64]>) -> Option<Estimate> {
         let block = self.blocks.iter().find(|b| b.name == name)?;
         let ((start, ..), (end, last, sigma)) = (self.told.first()?, self.told.last()?);
@@ -238,11 +240,13 @@ impl Course {
     }
 }
 
-/// By how much an estimate of a constant moves more than its 1σ allows; 1 at least. `path` is the estimate with its 1σ, over time.
+/// The factor by which an estimate of a constant moves more than its 1σ allows; at least 1. `path` is the estimate with
+/// its 1σ over time.
 ///
-/// An estimate that has the variance P, and later P', has moved by N(0, P − P') in between, if the filter is right, whatever
-/// else it estimates. Errors that are correlated move it further: by the root of the mean square of that, over parts of the
-/// run longer than their correlation, its error is larger too.
+/// If the filter is right, an estimate with variance P, and later P', moves by N(0, P − P') in between. This is true
+/// for any other states of the filter. Correlated errors move the estimate further. The factor is the root mean square
+/// of this excess, over parts of the run that are longer than the correlation. The error of the estimate is larger by
+/// the same factor.
 fn excess(path: &[(f64, f64)]) -> f64 {
     let at = |part: usize| path[part * (path.len() - 1) / STEPS];
     let step = |part: usize| {
@@ -255,22 +259,22 @@ fn excess(path: &[(f64, f64)]) -> f64 {
     if squares.len() < FEWEST { 1.0 } else { mean.max(1.0).sqrt() }
 }
 
-/// A run beside the one of what is declared, which stops where it cannot be told any more.
+/// A run to compare with the run of the declared design. It stops when it can no longer reach the limits.
 pub(super) struct Trial<'a> {
     pub(super) course: Course,
     before: &'a Course,
     limits: Limits,
-    /// Parts of the log that were looked at.
+    /// Parts of the log that were checked.
     parts: usize,
     pub(super) is_hopeless: bool,
 }
 
-/// What a run has to gain to be told.
+/// The gain that a run needs to be reported.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// In so many parts of the log.
+    /// The least share of the parts of the log that must improve.
     pub(super) share: f64,
-    /// It stops, too, where it has lost that much.
+    /// The run also stops if it has lost more than this.
     pub(super) loss: f64,
 }
 
@@ -285,10 +289,10 @@ impl<'a> Trial<'a> {
         }
     }
 
-    /// Looks again where another part is complete.
+    /// Checks the limits again when another part is complete.
     fn look(&mut self) {
         let parts = self.course.parts();
-        // Measurements of the part before may still come.
+        // Measurements of the previous part may still arrive.
         let complete = parts.saturating_sub(2);
         if complete <= self.parts {
             return;
@@ -331,7 +335,7 @@ impl RunObserver for Course {
 mod tests {
     use super::*;
 
-    /// Innovations of one sensor, by part of the log what they cost.
+    /// Innovations of one sensor: the cost in each part of the log.
     fn course(costs: impl IntoIterator<Item = f64>) -> Course {
         let part = |cost| Part {
             measurements: 20.0,
@@ -346,7 +350,8 @@ mod tests {
         }
     }
 
-    /// How many parts of 100 a run that costs so much in each hears; before it was 50.
+    /// The number of parts out of 100 that a run receives before it stops. `cost` is its cost in each part; the cost
+    /// before was 50.
     fn heard(limits: Limits, cost: impl Fn(usize) -> f64) -> usize {
         let before = course(vec![50.0; 100]);
         let mut trial = Trial::new(&before, limits);
@@ -358,8 +363,9 @@ mod tests {
         parts.unwrap_or(100)
     }
 
-    /// What is made of a constant, zero, that is measured once a second for 900 s with an error of 1σ 1, by a filter that takes
-    /// it for white: the estimate over its own 1σ, and over the wider one. `decay` is what is left of an error after a second.
+    /// The errors of an estimate of a constant, zero. It is measured once a second for 900 s with an error of 1σ = 1,
+    /// and the filter assumes white noise. Returns the estimate divided by its own 1σ, and divided by the wider 1σ.
+    /// `decay` is the fraction of an error that remains after a second.
     fn errors(seed: u64, decay: f64) -> [f64; 2] {
         let mut random = fusion_core::testing::Lcg::new(seed);
         let (mut x, mut variance, mut error, mut path) = (0.0, 100.0_f64, 0.0, Vec::new());
@@ -380,14 +386,14 @@ mod tests {
             let all = (1..=24).filter(|seed| errors(*seed, decay)[which].abs() > 3.0);
             all.count()
         };
-        // White noise, and errors that last for 10 s, of which 900 s hold 45.
+        // White noise, and errors with a correlation time of 10 s: 900 s hold 45 of them.
         assert_eq!([beyond(0.0, 0), beyond(0.0, 1)], [0, 0]);
         let lasting = (-0.1_f64).exp();
         assert!(beyond(lasting, 0) >= 8, "the filter's own: {}", beyond(lasting, 0));
-        // Of seven squares the wider 1σ is known to a quarter: Student's t of 7 degrees of freedom is beyond 3 once in 50 times, and
-        // three times of 24 once in 80.
+        // Seven squares determine the wider 1σ to about a quarter. Student's t with 7 degrees of freedom exceeds 3 once
+        // in 50 times, and three times in 24 once in 80.
         assert!(beyond(lasting, 1) <= 2, "{}", beyond(lasting, 1));
-        // White noise widens nothing by much: of eight squares the mean is rarely above 2.
+        // White noise widens σ only a little: the mean of eight squares is rarely above 2.
         let widest = (1..=24)
             .map(|seed| errors(seed, 0.0))
             .map(|[own, wide]| own / wide)
@@ -401,7 +407,7 @@ mod tests {
             share: 0.6,
             loss: f64::INFINITY,
         };
-        // 41 of 100 parts are worse, and two may still be heard of.
+        // 41 of 100 parts are worse, and two parts may still be incomplete.
         assert_eq!(heard(shared, |_| 60.0), 43);
         assert_eq!(
             heard(shared, |part| if part % 5 < 2 { 60.0 } else { 40.0 }),

@@ -1,12 +1,12 @@
-//! Fixed parameters of sensors against what the design's own filter makes of them where they are states.
+//! Compares fixed parameters of sensors with the estimates of the design's own filter, with the parameters as states.
 //!
-//! First all are states at once, in one more run (`search.rs`): each starts from what is declared, with a σ that a careful
-//! guess would have. What goes elsewhere there is only suspected, for several parameters may share one error. So each
-//! suspect is tried alone, and the one that makes the innovations most probable is told (`course.rs`). What else is wrong is
-//! looked for where that one is put right.
+//! First, one more run has all parameters as states (`search.rs`). Each starts from its declared value, with the σ of a
+//! careful guess. A parameter that moves away is only a suspect, because several parameters may share one error. So
+//! each suspect is tried alone. The suspect that makes the innovations most probable is reported (`course.rs`). The
+//! search then corrects this parameter and looks for further mistakes.
 //!
-//! Where the filter does not follow its data even so, what a linear filter cannot find is tried as well: quarter turns, a
-//! sign, another unit, another latency (`parameter.rs`).
+//! If the filter still does not follow its data, the search also tries errors that a linear filter cannot find. These
+//! are quarter turns, a sign, another unit, another latency (`parameter.rs`).
 
 mod course;
 mod parameter;

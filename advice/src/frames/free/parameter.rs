@@ -1,4 +1,4 @@
-//! Which parameters are tried as states, and from which values.
+//! The parameters to try as states, and their initial values.
 
 use fusion::config::{Diagnostics, Node};
 use fusion::design::{Design, Named, SensorDesign, parameters};
@@ -6,7 +6,7 @@ use fusion_models::units::{Axes, Duration, Vec3Of, dim};
 use serde_json::Value as Json;
 use std::f64::consts::PI;
 
-/// The sign of a lever arm no longer than this matters to nobody \[m\].
+/// The sign of a lever arm shorter than this does not matter \[m\].
 pub(super) const SHORTEST: f64 = 0.1;
 pub(super) const ARM: &str = "lever_arm";
 const BIAS: &str = "bias";
@@ -14,14 +14,14 @@ const BIAS: &str = "bias";
 /// A kind of parameter that is tried.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sort {
-    /// The unit that it is shown in, as the schema writes it, and what that is in SI.
+    /// The unit for display, as the schema writes it, and its value in SI.
     pub(super) unit: &'static str,
     pub(super) si: f64,
-    /// 1σ of a careful guess, in that unit.
+    /// 1σ of a careful guess, in this unit.
     pub(super) sigma: f64,
-    /// The least error that matters, in that unit.
+    /// The smallest error that matters, in this unit.
     pub(super) least: f64,
-    /// An estimate that is so many σ away is no chance. The σ is the filter's own, which takes its noise for white.
+    /// An estimate this many σ away is significant. The σ is the filter's own, which assumes white noise.
     pub(super) certain: f64,
 }
 
@@ -35,10 +35,10 @@ const fn sort(unit: &'static str, si: f64, sigma: f64, least: f64, certain: f64)
     }
 }
 
-/// What is fixed by how a sensor is made and mounted: slow errors are no such thing.
+/// Parameters that the construction and mounting of a sensor fix. Slow errors are not such parameters.
 ///
-/// Slow errors of fixes look like a lever arm: on the recorded log of a robot whose receiver wanders by metres they make 19σ of
-/// one. Stamps of a clock of their own look like a latency.
+/// Slow errors of fixes look like a lever arm. On the recorded log of a robot whose receiver drifts by metres, they
+/// produce a lever arm of 19σ. Stamps of a separate clock look like a latency.
 const SORTS: [Sort; 6] = [
     sort("deg", PI / 180.0, 10.0, 2.0, 5.0),
     sort("%", 0.01, 10.0, 2.0, 5.0),
@@ -47,15 +47,15 @@ const SORTS: [Sort; 6] = [
     sort("uT", 1e-6, 10.0, 2.0, 10.0),
     sort("m/s", 1.0, 0.5, 0.1, 10.0),
 ];
-/// The distance between two tracks is no lever arm: slow errors of fixes do not look like it.
+/// The distance between two tracks is not a lever arm: slow errors of fixes do not resemble it.
 const GAUGE: Sort = sort("m", 1.0, 1.0, 0.1, 6.0);
-/// Of a speed 1 % is ten metres in a kilometre.
+/// A speed error of 1 % is ten metres in a kilometre.
 const SCALE: Sort = sort("%", 0.01, 10.0, 0.5, 6.0);
 
-/// What a speed reads too much where it is in another unit, or has the other sign: the sign, knots and km/h for m/s, m/s
-/// for knots and for km/h \[%\].
+/// The scale errors of a speed in another unit or with the other sign: the sign, knots and km/h read as m/s, m/s read
+/// as knots and as km/h \[%\].
 const SCALES: [f64; 5] = [-200.0, 94.384, 260.0, -48.556, -72.222];
-/// Latencies that are tried beside the declared one, later than that \[s\].
+/// Latencies to try, relative to the declared one \[s\].
 const LATER: [f64; 4] = [0.5, -0.5, 1.5, -1.5];
 
 /// A parameter that is tried as a state.
@@ -70,11 +70,11 @@ pub(super) struct Tried<'a> {
     pub(super) sigma: f64,
     pub(super) is_rotation: bool,
     pub(super) is_state: bool,
-    /// 1σ with which a state begins, by axis: its initial value is no claim beyond that \[m\].
+    /// 1σ of the initial state for each axis. The initial value claims no better accuracy \[m\].
     pub(super) prior: [f64; 3],
-    /// The delay that its source declares of its rows \[s\].
+    /// The delay that the source declares for its rows \[s\].
     pub(super) delay: f64,
-    /// Other sensors that share it.
+    /// Other sensors that share this parameter.
     pub(super) shared_by: Vec<String>,
 }
 
@@ -85,16 +85,16 @@ pub(super) struct Start {
     pub(super) initial: String,
     /// 1σ in the unit of the sort.
     pub(super) sigma: f64,
-    /// What is other than declared.
+    /// The difference from the declaration.
     pub(super) is: Other,
 }
 
-/// What a start is.
+/// The kind of a start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Other {
     /// As declared.
     Nothing,
-    /// The axes are turned about down, or forward, by so many degrees.
+    /// The axes are turned about down, or forward, by this number of degrees.
     Turned(&'static str, f64),
     /// The numbers are too large by a factor; −1 for the other sign.
     Factor(f64),
@@ -111,7 +111,7 @@ impl Tried<'_> {
         format!("{}.{}", self.sensor.name, self.key)
     }
 
-    /// What makes a state of it.
+    /// The assignments that make the parameter a state.
     pub(super) fn assignments(&self, start: &Start) -> Vec<String> {
         let (name, key, unit) = (&self.sensor.name, &self.key, self.sort.unit);
         let Start { initial, sigma, .. } = start;
@@ -123,17 +123,17 @@ impl Tried<'_> {
         [own].into_iter().chain(others).collect()
     }
 
-    /// What another sensor that shares it has.
+    /// The entry for another sensor that shares this parameter.
     pub(super) fn shares(&self) -> String {
         format!("{} = {{ shared = {:?} }}", self.key, self.name())
     }
 
-    /// Whether it is that of a sensor which shares this one.
+    /// Returns true if the sensor of `other` shares this parameter.
     pub(super) fn is_shared_by(&self, other: &Self) -> bool {
         self.key == other.key && self.shared_by.contains(&other.sensor.name)
     }
 
-    /// A latency as one of all sensors of its source that are suspected, of which it is the first.
+    /// One latency for all suspected sensors of its source, if this sensor is the first of them.
     pub(super) fn receiver(&self, suspects: &[&Self]) -> Option<Self> {
         let source = |tried: &Self| tried.sensor.node.get("source").and_then(Node::as_str).map(str::to_owned);
         let is_alike = |other: &&&Self| other.sort.unit == "s" && other.declared == self.declared && source(other) == source(self);
@@ -145,12 +145,13 @@ impl Tried<'_> {
         })
     }
 
-    /// Whether another value is told where all are states; the sign of an arm is, in any case.
+    /// Returns true if a different value is reported when all parameters are states. The sign of an arm is always
+    /// reported.
     pub(super) fn is_judged(&self) -> bool {
         !self.is_state || self.key == BIAS
     }
 
-    /// From what is declared.
+    /// The start from the declared value.
     pub(super) fn start(&self) -> Start {
         Start {
             initial: self.declared.clone(),
@@ -159,14 +160,14 @@ impl Tried<'_> {
         }
     }
 
-    /// The factor of another unit, or of the other sign, that a scale comes to.
+    /// The factor of another unit, or of the other sign, that corresponds to a scale.
     pub(super) fn unit(&self, value: f64) -> Option<f64> {
         let factors = SCALES.map(|percent| 1.0 + percent / 100.0);
         let is = |factor: &f64| ((1.0 + value) / factor - 1.0).abs() < 0.05;
         factors.into_iter().find(is).filter(|_| self.key == "scale")
     }
 
-    /// From a value in SI.
+    /// A start from a value in SI.
     pub(super) fn from(&self, value: f64) -> Start {
         Start {
             initial: format!("\"{} {}\"", value / self.sort.si, self.sort.unit),
@@ -175,7 +176,7 @@ impl Tried<'_> {
         }
     }
 
-    /// What a filter does not find from what is declared.
+    /// Starts far from the declared value, which a linear filter cannot reach from there.
     pub(super) fn far_starts(&self, declared: f64) -> Vec<Start> {
         let near = |initial: String, is| Start {
             initial,
@@ -187,7 +188,8 @@ impl Tried<'_> {
                 let Some([roll, pitch, yaw]) = rpy(&self.declared) else {
                     return Vec::new();
                 };
-                // One number that is turned is a factor or a sign, and a constraint has no axes of its own.
+                // A one-dimensional measurement cannot be turned: it has only a factor or a sign. A constraint has no
+                // axes.
                 let model = &self.sensor.block.model;
                 if model.noise().len() < 2 || model.reading().channels().is_empty() {
                     return Vec::new();
@@ -224,11 +226,11 @@ impl Tried<'_> {
 fn rpy(declared: &str) -> Option<[f64; 3]> {
     let (document, _) = fusion::config::Document::parse("declared", &format!("angles = {declared}\n"));
     let angles: Vec3Of<dim::Angle> = document.root().get("angles")?.read(&mut Diagnostics::new())?;
-    // Of what a table of units says in radians, without 1e-15.
+    // Rounds the conversion between degrees and radians, to remove 1e-15.
     Some(angles.si().map(|angle| (angle * 180.0 / PI * 1e9).round() / 1e9))
 }
 
-/// All that is fixed, and of a kind that is tried.
+/// All fixed parameters of the kinds to try.
 pub(super) fn of_design(design: &Design) -> Vec<Tried<'_>> {
     design.sensors.iter().flat_map(|sensor| of_sensor(sensor, design)).collect()
 }
@@ -240,7 +242,7 @@ fn of_sensor<'a>(sensor: &'a Named<SensorDesign>, design: &Design) -> Vec<Tried<
     let has_source = source.is_some();
     let mut keys = parameters(&sensor.node);
     let is_known = |keys: &[(String, Json)], key: &str| keys.iter().any(|(k, _)| k == key);
-    // A declination that is no parameter of its own acts as a bias does.
+    // Without a separate declination, a declination error looks like a bias.
     let is_bias_tried = sensor.node.get("type").and_then(Node::as_str) == Some("heading") && !is_known(&keys, "declination");
     if let Some((_, schema)) = keys.iter().find(|(key, _)| key == BIAS && is_bias_tried).cloned() {
         // The coefficients of the deviation are angles like the bias.
@@ -259,8 +261,8 @@ fn of_sensor<'a>(sensor: &'a Named<SensorDesign>, design: &Design) -> Vec<Tried<
         };
         let has_axes = with(&sigma, &|schema| schema.get("minItems").cloned()).is_some();
         let node = sensor.node.at(&key);
-        // The sign of an arm that is a state is tried too, from further away than it may go; and so are quarter turns, units
-        // and signs of what is estimated.
+        // Some parameters that are already states are also tried from far away: the sign of an arm, quarter turns,
+        // units and signs.
         let is_state = node.is_some_and(is_state);
         let is_rotation = has_axes && sort.unit == "deg";
         let is_wide = key == ARM || key == "scale" || key == BIAS && is_bias_tried || is_rotation;
@@ -275,8 +277,9 @@ fn of_sensor<'a>(sensor: &'a Named<SensorDesign>, design: &Design) -> Vec<Tried<
             return None;
         }
         let zero = || if has_axes { "[0, 0, 0]" } else { "0" }.to_owned();
-        // A slow error of a length or a speed, as the bias of a range, is none that is fixed; what a stage makes has no arm but a
-        // declared one, and no latency. The air that flows round a vehicle which pitches changes its pressure as an arm does.
+        // A slow error of a length or a speed, such as the bias of a range, is not a fixed parameter. The output of a
+        // stage has no latency, and an arm only if one is declared. For a barometer, airflow around a pitching vehicle
+        // changes the pressure as an arm does.
         let is_in_air = sensor.node.get("type").and_then(Node::as_str) == Some("barometer");
         let is_meant = match sort.unit {
             "m" => key == "gauge" || key == ARM && (has_source && !is_in_air || length(constant) >= SHORTEST),
@@ -304,7 +307,7 @@ fn of_sensor<'a>(sensor: &'a Named<SensorDesign>, design: &Design) -> Vec<Tried<
     keys.into_iter().filter_map(of).collect()
 }
 
-/// What a source declares of the stamps of a sensor's rows: by how much later they are than the values are valid \[s\].
+/// The delay that a source declares for the stamps of a sensor's rows: stamp time minus time of validity \[s\].
 fn delay(source: &Node, sensor: &Named<SensorDesign>) -> f64 {
     let read = |node: Option<&Node>| -> f64 {
         let declared: Option<Duration> = node.and_then(|n| n.read(&mut Diagnostics::new()));
@@ -315,12 +318,12 @@ fn delay(source: &Node, sensor: &Named<SensorDesign>) -> f64 {
     read(channel.and_then(|latency| source.at(&latency))) - read(source.at("time.offset"))
 }
 
-/// Whether a parameter is estimated.
+/// Returns true if the parameter is estimated.
 fn is_state(node: &Node) -> bool {
     node.get("estimate").is_some_and(|e| e.inline() == "true")
 }
 
-/// 1σ with which an arm that is a state begins \[m\].
+/// Initial 1σ of an arm that is a state \[m\].
 fn prior(node: &Node) -> [f64; 3] {
     let sigma: Option<Axes<dim::Length>> = node.get("sigma").and_then(|n| n.read(&mut Diagnostics::new()));
     sigma.map_or([0.0; 3], Axes::si)
@@ -332,7 +335,7 @@ fn length(arm: Option<&Node>) -> f64 {
     arm.map_or(0.0, |arm| arm.si().iter().map(|l| l * l).sum::<f64>().sqrt())
 }
 
-/// What `read` finds first within a schema.
+/// The first result of `read` within a schema.
 fn with(schema: &Json, read: &dyn Fn(&Json) -> Option<Json>) -> Option<Json> {
     read(schema).or_else(|| match schema {
         Json::Object(fields) => fields.values().find_map(|field| with(field, read)),

@@ -1,4 +1,4 @@
-//! Which of the fixed parameters explains the data best, one after the other.
+//! Finds the fixed parameters that explain the data best, one after the other.
 
 use super::course::{Course, Estimate, Gain, Limits, Trial};
 use super::parameter::{Other, SHORTEST, Start, Tried, of_design};
@@ -14,39 +14,40 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// So many parameters are told at most: each is looked for where those before are put right.
+/// The largest number of parameters to report. Each search round first corrects the parameters found before.
 const ROUNDS: usize = 4;
-/// What a parameter alone has to gain in −2 ln of the density of all innovations: 36 would be 6σ.
+/// The gain that a parameter alone needs, in −2 ln of the density of all innovations; 36 would be 6σ.
 const LEAST: f64 = 40.0;
-/// What is further away than a filter finds has to gain that much.
+/// The gain that a start far away needs.
 const FAR: f64 = 200.0;
-/// It has to be better in so many parts of the log.
+/// The least share of the parts of the log that must improve.
 const SHARE: f64 = 0.6;
-/// A latency that went further than this is linearised again \[s\], at most so often.
+/// A latency that moved further than this is linearised again \[s\], at most `TIMES` times.
 const AGAIN: f64 = 0.05;
 const TIMES: usize = 4;
 
-/// A latency is linearised where it was at first: only at the end is it known what it loses.
+/// A latency is linearised at its start, so its loss is known only at the end.
 const SHARED: Limits = Limits {
     share: SHARE,
     loss: f64::INFINITY,
 };
-/// What has lost as much as it has to gain is given up.
+/// A trial stops when it has lost as much as it has to gain.
 const SOON: Limits = Limits { share: SHARE, loss: FAR };
 
-/// What is wrong, and what is gained without it.
+/// A mistake, and the gain from its correction.
 pub(super) struct Cause<'a> {
     pub(super) what: What<'a>,
     gain: Gain,
-    /// What puts it right.
+    /// The assignments that correct it.
     sets: Vec<String>,
 }
 
-/// What may be wrong.
+/// The kind of mistake.
 pub(super) enum What<'a> {
     Parameter(Box<Tried<'a>>, Start, Estimate),
     Columns(Written),
-    /// The stamps of the process, by so many seconds, and the sensor that would be early.
+    /// The stamps of the process are wrong by this number of seconds; `than` is the sensor that would otherwise be
+    /// early.
     Clock {
         source: usize,
         by: f64,
@@ -54,7 +55,7 @@ pub(super) enum What<'a> {
     },
 }
 
-/// Columns of a channel that are written in another way: what is wrong with them, and what to write.
+/// Columns of a channel that should be written differently: the mistake, and the correction.
 #[derive(Clone)]
 pub(super) struct Written {
     pub(super) source: usize,
@@ -72,25 +73,25 @@ impl Written {
 /// All parameters as states at once.
 #[derive(Default)]
 struct Joint {
-    /// The number of each with its estimate.
+    /// The index of each parameter with its estimate.
     estimates: Vec<(usize, Estimate)>,
     is_astray: bool,
 }
 
-/// What a parameter became alone, which is why nothing is said of it.
+/// The estimates of parameters tried alone; they explain why a parameter is not reported.
 type Alone = HashMap<String, Estimate>;
 
 struct Search<'a> {
     design: &'a Design,
     options: Options,
-    /// The design, with what was found put right.
+    /// The design, with all corrections so far.
     document: Document,
     tried: Vec<Tried<'a>>,
     alone: Alone,
     progress: &'a (dyn Fn(Step<'_>) + Sync),
 }
 
-/// Estimates what a design declares as fixed, and compares.
+/// Estimates the parameters that a design declares as fixed, and compares them with the declaration.
 pub(in super::super) fn judge(
     design: &Design,
     options: &Options,
@@ -133,7 +134,8 @@ pub(in super::super) fn judge(
         causes.push(cause);
     }
     let base = last.unwrap_or_default();
-    // Each as it is where all of them are states: alone it also took in what the later ones explain.
+    // Takes each estimate from the last run, which corrects all of them. The estimate alone also absorbed what later
+    // ones explain.
     for cause in &mut causes {
         cause.refine(&base);
         told::tell(design, &cause.what, found);
@@ -142,27 +144,27 @@ pub(in super::super) fn judge(
     Ok(())
 }
 
-/// What is said where none was tried.
+/// The comparison if no parameter was tried.
 pub(in super::super) fn untried(why: &str) -> Comparison {
     told::listed("fixed parameters".to_owned(), 0.0, why.to_owned())
 }
 
 impl<'a> Search<'a> {
-    /// A run with these changes; `None` where they make no design.
+    /// A run with these changes; `None` if they do not make a valid design.
     fn course(&self, sets: &[String]) -> Result<Option<Course>, Diagnostics> {
         let mut course = Course::default();
         let is_whole = self.run(sets, &mut course)?;
         Ok(is_whole.then_some(course))
     }
 
-    /// The same of one that is given up where it cannot be told any more; `None` then, too.
+    /// The same for a trial that stops early if it can no longer reach the limits; then it also returns `None`.
     fn trial(&self, base: &Course, limits: Limits, sets: &[String]) -> Option<Course> {
         let mut trial = Trial::new(base, limits);
         let ran = self.run(sets, &mut trial);
         (ran == Ok(true)).then_some(trial.course)
     }
 
-    /// Whether the changes make a design.
+    /// Returns true if the changes make a valid design.
     fn run(&self, sets: &[String], observer: &mut dyn RunObserver) -> Result<bool, Diagnostics> {
         let mut document = self.document.clone();
         if sets.iter().try_for_each(|set| document.set(set)).is_err() {
@@ -171,7 +173,7 @@ impl<'a> Search<'a> {
         let Ok(mut design) = examine::build(document) else {
             return Ok(false);
         };
-        // Nothing is scored.
+        // The runs are not scored.
         design.reference = None;
         run_sharing(&design, &self.options, &SharedCourse::default(), &mut [observer])?;
         Ok(true)
@@ -181,7 +183,7 @@ impl<'a> Search<'a> {
         (self.progress)(Step { what, done, all });
     }
 
-    /// Does jobs that do not depend on each other, on all cores; the results are in their order.
+    /// Runs independent jobs on all cores; the results keep the order of the jobs.
     fn each<J: Sync, T: Send>(&self, jobs: &[J], what: impl Fn(&J) -> String + Sync, one: impl Fn(&J) -> T + Sync) -> Vec<T> {
         let done = AtomicUsize::new(0);
         let one = |job: &J| {
@@ -193,7 +195,7 @@ impl<'a> Search<'a> {
         jobs.par_iter().map(one).collect()
     }
 
-    /// All as states at once; where some together are no design, or lead the filter astray, the arms alone.
+    /// All parameters as states at once. If they do not make a valid design, or lead the filter astray, the arms alone.
     fn joint(&self) -> Result<Joint, Diagnostics> {
         let numbered = || self.tried.iter().enumerate().filter(|(_, tried)| tried.is_joint());
         let all: Vec<(usize, &Tried<'_>)> = numbered().collect();
@@ -218,7 +220,7 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// What explains the data best of all that is suspected; `None` where nothing does.
+    /// The suspect that explains the data best; `None` if no suspect does.
     fn best(&mut self, base: &Course, joint: &Joint) -> Option<Cause<'a>> {
         if let Some(cause) = self.unit(base) {
             return Some(cause);
@@ -229,7 +231,8 @@ impl<'a> Search<'a> {
             let estimate = joint.estimates.iter().find(|(j, _)| *j == i).map(|(_, e)| e);
             estimate.map_or(joint.is_astray, |e| tried.differs(e) || tried.is_early(e))
         };
-        // Its own states that went astray are tried from afar, and all where a sensor is not followed.
+        // The design's own states that went astray are tried from far away. If the filter does not follow a sensor, all
+        // are.
         let each = self.tried.iter().enumerate();
         let tried: Vec<(Tried<'a>, bool, bool)> = each.map(|(i, t)| (t.clone(), is_suspect(i, t), is_gross || is_astray(t))).collect();
         let mut best: Option<Cause<'a>> = None;
@@ -261,7 +264,8 @@ impl<'a> Search<'a> {
                 if tried.is_earlier(&estimate) {
                     earlier.push((tried, estimate.clone()));
                 }
-                // What is a state of the design already gains little: its own filter moves it too.
+                // A parameter that is already a state of the design gains little: the design's own filter estimates it
+                // too.
                 if tried.differs(&estimate) && (tried.is_state || gain.total >= LEAST && gain.share >= SHARE) {
                     keep(Some(Cause::of(tried, start, estimate, gain)), 0.0);
                 } else {
@@ -271,7 +275,7 @@ impl<'a> Search<'a> {
                 far.extend(tried.far_starts(0.0).into_iter().map(|start| (tried, start, Vec::new())));
             }
         }
-        // Sensors of one receiver are late alike: alone, each contradicts the other.
+        // Sensors of one receiver share a delay. Each sensor alone would contradict the others.
         let suspects: Vec<&Tried<'_>> = tried.iter().filter(|(_, is_suspect, _)| *is_suspect).map(|(t, ..)| t).collect();
         let receivers: Vec<Tried<'_>> = suspects.iter().filter_map(|first| first.receiver(&suspects)).collect();
         let late = self.each(&receivers, Tried::told, |tried| self.alone(base, tried, tried.start(), None));
@@ -279,7 +283,7 @@ impl<'a> Search<'a> {
             let late = late.filter(|(_, estimate, gain)| tried.differs(estimate) && gain.total >= LEAST && gain.share >= SHARE);
             keep(late.map(|(start, estimate, gain)| Cause::of(tried, start, estimate, gain)), 0.0);
         }
-        // Where one sensor would be early, the clock of the process is late by what any of them says.
+        // If one sensor would be early, the clock of the process is late. Tries the delay that each sensor gives.
         if let Some((early, _)) = earlier.iter().find(|(tried, estimate)| tried.is_early(estimate)) {
             let clocks = self.each(
                 &earlier,
@@ -309,7 +313,7 @@ impl<'a> Search<'a> {
         best
     }
 
-    /// A scale that is a state, and went to another unit or sign by itself.
+    /// A scale that is a state and moved to another unit or sign by itself.
     fn unit(&self, base: &Course) -> Option<Cause<'a>> {
         self.tried.iter().filter(|tried| tried.is_state).find_map(|tried| {
             let estimate = base.estimate(&tried.name(), None)?;
@@ -323,8 +327,8 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// A parameter as the only state more, from a start; a latency is linearised again where it went. Where it is known what is
-    /// `declared`, the start is another one, which has to gain.
+    /// Adds one parameter as a state, from a start. A latency is linearised again at its estimate. If `declared` is
+    /// given, the start differs from it and the run has to gain.
     fn alone(&self, base: &Course, tried: &Tried<'_>, mut start: Start, declared: Option<&[f64]>) -> Option<(Start, Estimate, Gain)> {
         let declared_before = declared;
         let mut declared = declared.filter(|d| !d.is_empty()).map(<[f64]>::to_vec);
@@ -346,7 +350,7 @@ impl<'a> Search<'a> {
         None
     }
 
-    /// The stamps of the process later by what a sensor would be early.
+    /// The stamps of the process, shifted by the amount that a sensor would be early.
     fn clock(&self, base: &Course, tried: &Tried<'_>, by: f64) -> Option<Cause<'a>> {
         let name = self.document.root().get("process")?.get("source").and_then(Node::as_str)?;
         let source = self.design.sources.iter().position(|s| s.name == name)?;
@@ -363,7 +367,7 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Columns with the other sign, of what has no scale, and exchanged columns of a place.
+    /// Columns with the other sign, for channels without a scale, and exchanged columns of a position.
     fn columns(&self) -> Vec<(Written, Vec<String>)> {
         let of = |sensor: &'a Named<SensorDesign>| {
             let is_scaled = self.tried.iter().any(|t| t.sensor.name == sensor.name && t.key == "scale");
@@ -378,7 +382,7 @@ impl<'a> Search<'a> {
             let table = self.document.root().at(&path);
             let written = |key: &str| table.and_then(|t| t.get(key)).and_then(Node::as_str);
             let mut changes: Vec<(&'static str, Vec<(&str, String)>)> = Vec::new();
-            // The sign of a scale is tried there.
+            // The search for a scale also tries its sign.
             for key in ["column", "north", "east", "down", "up"].into_iter().filter(|_| !is_scaled) {
                 let other = written(key).map(minus);
                 changes.extend(other.map(|other| ("a wrong sign", vec![(key, format!("{other:?}"))])));
@@ -389,7 +393,7 @@ impl<'a> Search<'a> {
                     .map(|(x, y)| vec![(a, format!("{y:?}")), (b, format!("{x:?}"))]);
                 changes.extend(exchanged.map(|exchanged| ("exchanged columns", exchanged)));
             }
-            // No mounting mirrors what is ahead and what is to the right.
+            // No mounting mirrors forward and right.
             let columns = table.and_then(|t| t.get("columns")).and_then(|columns| match columns.value() {
                 Value::Array(items) => items.iter().map(Node::as_str).collect::<Option<Vec<&str>>>(),
                 _ => None,
@@ -422,7 +426,7 @@ impl<'a> Search<'a> {
         self.design.sensors.iter().flat_map(of).collect()
     }
 
-    /// What is gained where columns are written so.
+    /// The gain if the columns are written this way.
     fn column(&self, base: &Course, what: &Written, sets: &[String]) -> Option<Cause<'a>> {
         let gain = self.trial(base, SOON, sets)?.gain(base);
         (gain.total >= FAR && gain.share >= SHARE).then(|| Cause {
@@ -432,7 +436,7 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Lists what nothing is told of.
+    /// Lists the parameters without a warning.
     fn list(&self, joint: &Joint, base: &Course, found: &mut Judged) {
         if joint.is_astray && joint.estimates.is_empty() && found.mistakes.is_empty() {
             found.comparisons.push(untried(
@@ -440,7 +444,7 @@ impl<'a> Search<'a> {
             ));
         }
         let estimates = joint.estimates.iter().map(|(i, e)| (&self.tried[*i], e));
-        // What the data tell nothing of is named, no more; declared arms were always listed.
+        // Parameters that the data do not determine are only named. Declared arms are always listed.
         let is_listed = |(tried, e): &(&Tried<'_>, &Estimate)| {
             let is_declared_arm = tried.is_arm() && (0..3).any(|k| e.declared(k).abs() >= SHORTEST);
             is_declared_arm || e.is_learnt.contains(&true)
@@ -470,8 +474,7 @@ fn minus(column: &str) -> String {
 }
 
 impl<'a> Cause<'a> {
-    /// With the estimate that its state has in another run, where it is one that starts from what is declared, or from a
-    /// value that another estimate led to.
+    /// Takes the estimate of another run, if the start was the declared value or a value from another estimate.
     fn refine(&mut self, base: &Course) {
         if let What::Parameter(tried, start, estimate) = &mut self.what
             && matches!(start.is, Other::Nothing | Other::Value)
@@ -493,17 +496,17 @@ impl<'a> Cause<'a> {
 }
 
 impl Tried<'_> {
-    /// What is tried, for people.
+    /// The name of the parameter, for messages.
     fn told(&self) -> String {
         format!("`{}` of `{}`", self.key, self.sensor.name)
     }
 
-    /// Whether it is tried with all others, and not from far away alone.
+    /// Returns true if the parameter is tried together with all others, not only from far away.
     fn is_joint(&self) -> bool {
         self.is_judged() || self.is_arm()
     }
 
-    /// Whether another value or sign is told of an axis.
+    /// Returns true if another value or sign is reported for any axis.
     fn differs(&self, e: &Estimate) -> bool {
         (0..e.difference.len()).any(|k| self.verdict(e, k) != Verdict::Fits)
     }

@@ -1,4 +1,4 @@
-//! What is said of a parameter, and why nothing is.
+//! The message about a parameter, or the reason for no message.
 
 use super::course::{Course, Estimate};
 use super::parameter::{ARM, Other, SHORTEST, Start, Tried};
@@ -10,31 +10,33 @@ use fusion::design::{Design, Named, SensorDesign, parameters};
 use fusion_models::units::Duration;
 use fusion_tables::short;
 
-/// An arm that is so many σ on the other side of zero points there. Latencies that are not declared, and errors that are
-/// correlated, move an estimate by several σ.
+/// An arm that is this many σ on the other side of zero has the other sign. Undeclared latencies and correlated errors
+/// move an estimate by several σ.
 const MIRRORED: f64 = 10.0;
-/// What lies within so many of the 1σ with which a state begins is what its declaration allows.
+/// A difference below this many initial 1σ of a state agrees with its declaration.
 const CLAIMED: f64 = 3.0;
-/// An arm that is declared, and so many σ elsewhere, is another one.
+/// A declared arm is wrong if the estimate differs by this many σ.
 const CERTAIN: f64 = 6.0;
-/// So many of the 1σ that is shown, which is wider than the filter's own where the estimate moves more, are no chance.
+/// A difference of this many displayed 1σ is significant. The displayed 1σ is wider than the filter's own if the
+/// estimate moves more.
 const SURE: f64 = 3.0;
-/// A 1σ so much wider than the filter's own is told as such.
+/// A 1σ is reported as widened if it exceeds the filter's own by this factor.
 const WIDENED: f64 = 1.5;
-/// A noise so many times the scatter of its innovations leaves a sensor no weight.
+/// A declared noise of this many times the scatter of the innovations leaves a sensor without weight.
 const OVERSIZED: f64 = 3.0;
-/// From so many σ on it is said why nothing is told.
+/// From this many σ, the reason for no warning is given.
 const NOTABLE: f64 = 3.0;
-/// An estimate that goes so many of its first σ away tells of something else: of an arm it is twice its length.
+/// An estimate that moves by more than this multiple of its initial σ has another cause. The initial σ of a declared
+/// arm is twice its length.
 const NEAR: f64 = 2.5;
 
-/// What is said of an axis of a parameter.
+/// The verdict on an axis of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
     Fits,
     /// The other sign is declared.
     Mirrored,
-    /// Another value is.
+    /// Another value is declared.
     Other,
 }
 
@@ -55,23 +57,24 @@ impl Tried<'_> {
         }
     }
 
-    /// Whether a latency is shorter than declared.
+    /// Returns true if the latency is shorter than declared.
     pub(super) fn is_earlier(&self, e: &Estimate) -> bool {
         let by = e.difference[0];
         self.sort.unit == "s" && e.is_learnt[0] && by < -self.sort.least && by < -self.sort.certain * e.own[0]
     }
 
-    /// Whether it is so much shorter that in all it would be negative: the clock of the process is late then.
+    /// Returns true if the total delay would be negative. Then the clock of the process is late.
     pub(super) fn is_early(&self, e: &Estimate) -> bool {
         self.is_earlier(e) && self.delay_of(e) < -self.sort.least
     }
 
-    /// The whole delay: what the sensor and its source declare, and what was found \[s\].
+    /// The total delay: the declared delays of the sensor and its source, plus the estimated difference \[s\].
     fn delay_of(&self, e: &Estimate) -> f64 {
         e.value[0] + self.delay
     }
 
-    /// Standard errors from which on another value is told: of what is left out less is claimed than of what is declared.
+    /// The number of standard errors at which another value is reported. Parameters that are left out claim less than
+    /// declared ones.
     fn certain(&self, declared: f64) -> f64 {
         if self.is_arm() && declared.abs() >= SHORTEST {
             CERTAIN
@@ -80,13 +83,13 @@ impl Tried<'_> {
         }
     }
 
-    /// Why a difference is not told.
+    /// The reason why a difference is not reported.
     fn doubts(&self, e: &Estimate, k: usize) -> Option<String> {
         let (sort, by) = (self.sort, e.difference[k].abs());
         let (times, certain) = (by / e.own[k], self.certain(e.declared(k)));
         let own = if e.is_widened() { " of the filter's own σ" } else { " σ" };
         if by < sort.least * sort.si {
-            // Small, but certain: of a scale what it comes to, of others that it can be found.
+            // Small, but certain. For a scale, shows its effect; for others, shows that a state would find it.
             let matters = match sort.unit {
                 _ if times <= certain => String::new(),
                 "%" => format!(", but {:.0} m in 1 km", by * 1e3),
@@ -104,14 +107,14 @@ impl Tried<'_> {
         if self.is_arm() && !e.is_near() && (0..3).any(|k| e.declared(k).abs() >= SHORTEST) {
             return Some("it goes further than an arm of this vehicle".to_owned());
         }
-        // Nothing is measured before it is.
+        // A measurement cannot arrive before it is made.
         if sort.unit == "s" && self.delay_of(e) < -sort.least {
             return Some("the delay would be negative in all, so another clock may be late".to_owned());
         }
         (!e.is_steady[k]).then(|| "it goes on moving".to_owned())
     }
 
-    /// Values in its unit, as they are read, with two digits of their σ.
+    /// Values in the unit of the parameter, for people, with two digits of their σ.
     fn shown(&self, values: &[f64], sigma: &[f64]) -> String {
         let words = self.rounded(values, sigma);
         match &words[..] {
@@ -140,13 +143,13 @@ impl Tried<'_> {
 fn rounded(value: f64, sigma: f64) -> String {
     let digits = if sigma > 0.0 { 1 - sigma.log10().floor() as i32 } else { 2 };
     let text = format!("{value:.*}", digits.clamp(0, 9) as usize);
-    // What rounds to zero has no sign.
+    // A value that rounds to zero has no sign.
     let is_zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
     text.strip_prefix('-').filter(|_| is_zero).map_or(text.clone(), str::to_owned)
 }
 
 impl Estimate {
-    /// Whether it stays where a linear filter may find it.
+    /// Returns true if a linear filter may find the estimate.
     pub(super) fn is_near(&self) -> bool {
         self.away <= NEAR
     }
@@ -161,7 +164,7 @@ impl Estimate {
         self.widened() >= WIDENED
     }
 
-    /// The standard errors of an axis that something was learnt of.
+    /// The standard errors of an axis, if the data carry information about it.
     fn errors(&self, k: usize) -> f64 {
         if self.is_learnt[k] {
             self.difference[k].abs() / self.own[k]
@@ -171,7 +174,7 @@ impl Estimate {
     }
 }
 
-/// What is listed of something.
+/// An entry in the list of comparisons.
 pub(super) fn listed(what: String, margin: f64, verdict: String) -> Comparison {
     Comparison {
         what,
@@ -199,7 +202,7 @@ impl Tried<'_> {
         )
     }
 
-    /// Why the data can say little of a sensor, whatever its parameter: nothing of it is weighed.
+    /// The reason why the data say little about any parameter of this sensor: its declared noise gives it no weight.
     pub(super) fn unweighed(&self, base: &Course) -> Option<String> {
         let times = base.oversized(&self.sensor.name).filter(|times| *times > OVERSIZED)?;
         let of = &self.sensor.name;
@@ -208,9 +211,9 @@ impl Tried<'_> {
         ))
     }
 
-    /// What is listed where nothing is told; `alone` is what the parameter became as the only state more.
+    /// The entry for a parameter without a warning. `alone` is its estimate as the only additional state.
     pub(super) fn unsuspected(&self, e: &Estimate, alone: Option<&Estimate>, base: &Course) -> Comparison {
-        // Of the axis that is furthest away, why nothing is said.
+        // The reason for no warning, for the axis that differs most.
         let furthest = (0..e.difference.len()).max_by(|a, b| e.errors(*a).total_cmp(&e.errors(*b)));
         let furthest = furthest.filter(|k| e.errors(*k) > NOTABLE && self.is_judged());
         let doubts = furthest.and_then(|k| self.doubts(e, k));
@@ -221,7 +224,7 @@ impl Tried<'_> {
     }
 }
 
-/// Tells what explains the data.
+/// Reports the mistake that explains the data.
 pub(super) fn tell(design: &Design, what: &What<'_>, found: &mut Judged) {
     match what {
         What::Parameter(tried, start, e) => {
@@ -310,7 +313,7 @@ fn factor(design: &Design, tried: &Tried<'_>, by: f64, e: &Estimate) -> Diagnost
         .help(help.unwrap_or_else(|| "check `unit` and `scale`".to_owned()))
 }
 
-/// An arm that points to the other side.
+/// An arm with the wrong sign.
 fn mirrored(tried: &Tried<'_>, e: &Estimate, verdicts: &[Verdict], words: &str) -> Diagnostic {
     let node = &tried.sensor.node;
     let axes: Vec<&str> = (0..3)
@@ -318,7 +321,7 @@ fn mirrored(tried: &Tried<'_>, e: &Estimate, verdicts: &[Verdict], words: &str) 
         .map(|k| ["x", "y", "z"][k])
         .collect();
     let sign = |k: usize| if verdicts[k] == Verdict::Mirrored { -1.0 } else { 1.0 };
-    // As it is declared: sums and differences of it leave 1e-17.
+    // Written as declared: the sums and differences leave errors of 1e-17.
     let arm: Vec<String> = (0..3).map(|k| format!("\"{} m\"", short(sign(k) * e.declared(k)))).collect();
     let key = if node.at(&format!("{ARM}.initial")).is_some() {
         "initial"
@@ -337,7 +340,7 @@ fn mirrored(tried: &Tried<'_>, e: &Estimate, verdicts: &[Verdict], words: &str) 
     Diagnostic::warning(message).at(node.place_of(ARM)).help(help)
 }
 
-/// A parameter that is declared, or left out, as what it is not.
+/// A parameter whose declared value, or missing declaration, is wrong.
 fn other(design: &Design, tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagnostic {
     let Tried { sensor, key, sort, .. } = tried;
     let (place, is) = match sensor.node.at(key) {
@@ -355,7 +358,7 @@ fn other(design: &Design, tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagn
         "`{key}` of `{}` {is}{and}, and the data say otherwise: where it is estimated, it {becomes} {words}",
         sensor.name
     );
-    // A rotation is told as what turns the declared one.
+    // A rotation is reported as a correction of the declared one.
     let initial = if tried.is_rotation {
         tried.declared.clone()
     } else {
@@ -380,7 +383,7 @@ fn other(design: &Design, tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagn
         }
         _ => help,
     };
-    // One antenna has one arm, whichever sensor reads it: the first of them has it.
+    // One antenna has one arm, for all sensors that read it. The first of these sensors has the arm.
     let word = |sensor: &Named<SensorDesign>, key: &str| sensor.node.get(key).and_then(Node::as_str).map(str::to_owned);
     let is_one_receiver = |other: &Named<SensorDesign>| {
         word(other, "source") == word(sensor, "source") || word(sensor, "only_with").as_ref() == Some(&other.name)

@@ -79,7 +79,7 @@ impl Inspection {
         }
     }
 
-    /// The magnetometer: that of the unit's own file, or another whose field turns as the gyros do.
+    /// The magnetometer: in the unit's own file, or in another one whose field turns as the gyros do.
     fn compass(&self, unit: usize, imu: &Imu) -> Option<Compass> {
         let is_known = self.logs[unit].signal(MagneticField).is_some_and(|s| !s.unit.is_empty());
         let own = imu.field.filter(|_| is_known).map(|(strength, dip)| Compass {
@@ -116,7 +116,7 @@ impl Inspection {
         );
     }
 
-    /// The attitude that some other system recorded.
+    /// The attitude that another system recorded.
     pub(super) fn judge_attitude(&self, text: &mut Text) {
         let Some(k) = self.with(Quaternion) else {
             text.section("judge");
@@ -132,7 +132,7 @@ impl Inspection {
     }
 }
 
-/// A magnetometer, and what it reads of the field of the Earth.
+/// A magnetometer and the Earth's field that it reads.
 #[derive(Clone, Copy)]
 struct Compass {
     log: usize,
@@ -143,7 +143,7 @@ struct Compass {
     why: &'static str,
 }
 
-/// The field of the Earth.
+/// The Earth's field.
 fn earth(text: &mut Text, field: Compass) {
     text.table("sensor.field");
     text.line(

@@ -1,4 +1,4 @@
-//! A first design, made of what was guessed: a text with a comment at every guess.
+//! A first design from guesses: a text with a comment at every guess.
 
 mod attitude;
 mod odometry;
@@ -17,13 +17,13 @@ use std::path::{Path, PathBuf};
 
 /// Slower units cannot be integrated \[Hz\].
 const INTEGRABLE: f64 = 20.0;
-/// Fixes that come faster are thinned; the others judge the filter \[Hz\].
+/// Faster fixes are thinned; the rest judges the filter \[Hz\].
 const WITHHELD: f64 = 1.9;
 
-/// Why a filter begins anew after a gap.
+/// Why a filter restarts after a gap.
 const RECORDINGS: &str = "guessed: each recording is one of its own; they are 10 s apart or more";
 
-/// What drives the filter.
+/// The input that drives the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Driver {
     /// An odometer, and a rate of turn.
@@ -38,7 +38,7 @@ enum Driver {
     Gyros,
 }
 
-/// Who tells the heading at the start.
+/// The source of the initial heading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Told {
     /// The course over ground, which the nose follows.
@@ -54,7 +54,7 @@ impl Inspection {
     /// A first design as text, to be saved in `folder`.
     ///
     /// # Errors
-    /// What is missing, in words.
+    /// Names the missing quantities.
     pub fn design(&self, folder: &Path) -> Result<String, Diagnostic> {
         self.written(folder).map(|(text, _)| text).ok_or_else(|| {
             Diagnostic::error("no design can be guessed from these files").help(
@@ -64,7 +64,7 @@ impl Inspection {
         })
     }
 
-    /// A first design, and the columns that it reads, each by the numbers of its log and its own.
+    /// A first design and the columns that it reads, each as the numbers of its log and of its column.
     pub(super) fn written(&self, folder: &Path) -> Option<(String, BTreeSet<(usize, usize)>)> {
         let resets = |log: &Log| log.clock.as_ref().is_some_and(|c| c.resets > 0);
         let driver = self.driver().filter(|_| !self.logs.iter().any(resets))?;
@@ -87,10 +87,10 @@ impl Inspection {
         let turns = has(YawRate) || (has(AngularRate) && self.imu.is_some());
         let is_placed = self.position.is_some();
         let is_inertial = is_placed && has(SpecificForce) && rate >= INTEGRABLE;
-        // In the plane an odometer is worth more than a unit, unless a velocity over ground shows what the unit drifts.
+        // In the plane an odometer is better than a unit, unless a velocity over ground shows the drift of the unit.
         let has_velocity = self.position.as_ref().is_some_and(|(_, track)| track.is_reported);
         let walks = self.imu.as_ref().is_some_and(|(_, imu)| imu.stances.is_some());
-        // The attitude of another filter replaces no unit that is there.
+        // The attitude of another filter does not replace a unit in the files.
         let has_unit = self.logs.iter().any(|log| log.has(SpecificForce) && log.has(AngularRate));
         let is_measured = self.with(Euler).is_some_and(|k| !(has_unit && self.logs[k].is_estimate()));
         let candidates = [
@@ -105,7 +105,7 @@ impl Inspection {
         candidates.into_iter().find(|(fits, _)| *fits).map(|(_, driver)| driver)
     }
 
-    /// What stands before the process.
+    /// The tables before the process.
     fn head(&self, text: &mut Text, folder: &Path, driver: Driver) {
         text.comment("A first design, guessed by `fusion inspect` from the values of these files. Every guess says why.");
         text.comment("Check each against what you know of your instruments, above all noise, axes and lever arms.");
@@ -143,7 +143,7 @@ impl Inspection {
         }
     }
 
-    /// Where a process with an input begins anew: between recordings.
+    /// Restarts a process with an input between recordings.
     fn apart(&self, text: &mut Text) {
         if self.has_recordings() {
             text.line("input.longest_gap = \"5 s\"", RECORDINGS);
@@ -155,7 +155,7 @@ impl Inspection {
         self.logs.iter().filter_map(|log| log.clock.as_ref()).any(is_one)
     }
 
-    /// The folder that all files lie in, from `folder`.
+    /// The common folder of all files, from `folder`.
     fn data_dir(&self, folder: &Path) -> PathBuf {
         let absolute = |p: &Path| std::fs::canonicalize(p).unwrap_or_else(|_| p.to_owned());
         let common = self.common();
@@ -200,13 +200,13 @@ impl Inspection {
         }
     }
 
-    /// Whether the course can tell the heading: the gyros turn as it does, and the velocity is reported.
+    /// Whether the course can give the heading: the gyros turn as it does, and the velocity is reported.
     fn has_course(&self) -> bool {
         let is_fast = |track: &Track| track.is_reported && track.top_speed() > 3.0;
         self.position.as_ref().is_some_and(|(_, t)| is_fast(t)) && self.pair.is_some_and(|p| p.correlation.abs() > 0.8)
     }
 
-    /// Who tells the heading at the start.
+    /// The source of the initial heading.
     fn told(&self) -> Told {
         let has_heading = self.recorded_heading().is_some();
         let candidates = [
@@ -236,7 +236,7 @@ impl Inspection {
         if self.velocity.is_some() { "gnss_velocity" } else { "gnss" }
     }
 
-    /// What judges the filter.
+    /// The tables that judge the filter.
     fn judge(&self, text: &mut Text) {
         let is_used = |k: usize| [&self.position, &self.reference].into_iter().flatten().any(|(used, _)| *used == k);
         let estimates = (0..self.logs.len()).filter(|k| self.logs[*k].is_estimate() && !is_used(*k));
@@ -320,14 +320,14 @@ impl Inspection {
     }
 }
 
-/// Every how many-th row makes one fix a second of a file.
+/// The row stride that makes one fix a second of a file.
 fn track_stride(log: &Log, track: &Track) -> usize {
-    // Rows that repeat the fix before are rows of the file all the same.
+    // Rows that repeat the previous fix count as rows of the file, too.
     let rows = log.rate() / track.rate();
     (rows * track.rate()).round().max(2.0) as usize
 }
 
-/// Whether positions are in a room, a basin, or by USBL: not geodetic.
+/// Whether positions are local, not geodetic: from a room, a basin or USBL.
 fn is_local(log: &Log) -> bool {
     log.has(Local) && !log.has(Geodetic)
 }

@@ -1,4 +1,4 @@
-//! An odometer, a rate of turn and positions, in the plane.
+//! An odometer, a turn rate and positions, in the plane.
 
 use super::toml::Text;
 use crate::inspect::Inspection;
@@ -60,7 +60,7 @@ impl Inspection {
         self.source(text, "odometry", odometer, &[Speed], "");
     }
 
-    /// The rate of turn: of a gyro about the vertical, or as reported.
+    /// The turn rate: from a gyro about the vertical, or as reported.
     fn turning(&self, text: &mut Text) {
         text.table("sensor.turn");
         text.line("type = \"yaw_rate\"\nsource = \"turn\"", "");
@@ -77,7 +77,7 @@ impl Inspection {
             return self.source(text, "turn", k, &[YawRate], "");
         };
         let Some(rates) = self.logs[*k].signal(AngularRate) else { return };
-        // Clockwise is the turn about down.
+        // Clockwise means a turn about the down axis.
         let (column, is_against) = rates.columns[imu.up.0];
         let is_clockwise = imu.up.1 != is_against;
         let sign = if is_clockwise { "" } else { "-" };
@@ -99,7 +99,7 @@ impl Inspection {
     }
 }
 
-/// The density of the acceleration that changes a speed so much as it does within a second \[m/s²/√Hz\].
+/// The density of the acceleration that explains how much a speed changes within a second \[m/s²/√Hz\].
 fn acceleration(t: &[f64], speed: &[Vec3]) -> Option<f64> {
     let (mut from, mut changes) = (0, Vec::new());
     for to in 1..t.len() {
@@ -107,7 +107,7 @@ fn acceleration(t: &[f64], speed: &[Vec3]) -> Option<f64> {
         if (0.0..1.0).contains(&lasts) {
             continue;
         }
-        // Of a random walk the variance is the density squared times the time.
+        // The variance of a random walk is the density squared times the time.
         changes.push((speed[to][0] - speed[from][0]) / lasts.abs().sqrt());
         from = to;
     }

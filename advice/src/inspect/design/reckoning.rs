@@ -1,10 +1,10 @@
-//! Dead reckoning by an attitude reference.
+//! Dead reckoning with an attitude reference.
 
 use super::toml::Text;
 use crate::inspect::Inspection;
 use crate::inspect::signal::Kind::{BodyVelocity, Depth, Euler};
 
-/// How a vehicle with a log of its velocity changes it \[m/s/√s\].
+/// How a vehicle with a velocity log changes its velocity \[m/s/√s\].
 const NOISE: f64 = 0.1;
 
 impl Inspection {
@@ -14,7 +14,7 @@ impl Inspection {
         };
         let whole = self.whole(&self.logs[*p], track).max(0.5);
         let speed = track.top_speed();
-        // Between fixes that are further apart than this a guess would decide what the filter knows.
+        // If fixes are further apart than this, a guess would decide what the filter estimates.
         const USUAL: f64 = 20.0;
         let told = track
             .lasting()
@@ -30,7 +30,8 @@ impl Inspection {
         text.table("process");
         text.line("type = \"dead_reckoning\"\nsource = \"attitude_reference\"", "");
         text.line(&format!("position_sigma = \"{:.1} m\"", 2.0 * whole), "guessed: twice a fix");
-        // White noise that keeps a velocity of the 1σ σ and the correlation time T is √(2/T) σ: those of the velocity and the drift.
+        // White noise √(2/T) σ keeps a velocity with the 1σ σ and the correlation time T: here the velocity and the
+        // drift.
         let wander = if self.with(BodyVelocity).is_some() {
             NOISE
         } else {
@@ -63,7 +64,7 @@ impl Inspection {
                 },
             );
             text.line("position_noise = \"5 cm/sqrt(s)\"", "guessed");
-            // What rises otherwise than ahead is seen by a depth only.
+            // Only a depth observes vertical motion that is not ahead.
             let has_depth = self.with(Depth).is_some();
             let vertical = if has_depth {
                 format!("\"{:.2} m/s\"", 0.15 * speed)
@@ -89,7 +90,7 @@ impl Inspection {
             &format!("heading_offset = {{ estimate = true, initial = \"{left:.1} deg\", sigma = \"{sigma}\", random_walk = \"0.05 deg/sqrt(s)\" }}"),
             &why,
         );
-        // As the page counts gaps.
+        // The same limit as the gaps of the page.
         let longest = (3.5 / self.logs[attitude].rate()).max(0.2 * lasting).max(5.0);
         text.line(
             &format!("input.longest_interval = \"{longest:.1} s\""),

@@ -1,4 +1,4 @@
-//! Positions and what else aids: the tables of sensors.
+//! The tables of sensors: positions and all other aiding.
 
 use super::toml::Text;
 use super::{WITHHELD, is_local, track_stride};
@@ -11,11 +11,11 @@ use crate::inspect::track::Claim;
 use crate::inspect::words::{Words, contains};
 use crate::inspect::{Inspection, Log, Track};
 
-/// Positions whose fixes differ by less are of centimetre grade \[m\].
+/// Positions with smaller differences between fixes are of centimetre grade \[m\].
 const PRECISE: f64 = 0.05;
 
 impl Inspection {
-    /// The kinds that score.
+    /// The kinds of signals that judge the filter.
     pub(super) fn reference_kinds(&self, k: usize) -> Vec<Kind> {
         let log = &self.logs[k];
         let is_file = self.reference.as_ref().is_some_and(|(r, _)| *r == k);
@@ -32,8 +32,8 @@ impl Inspection {
         all.into_iter().flatten().filter(|kind| log.has(*kind) && sigma_of(*kind)).collect()
     }
 
-    /// Whether the 1σ that is reported of the positions is that of their difference from the estimate: not of fixes of the
-    /// receiver that the filter uses, if a slow error is in both.
+    /// Whether the reported 1σ of the positions holds for their difference from the estimate. It does not for fixes of
+    /// the receiver that the filter uses, if both share a slow error.
     pub(super) fn judges_with_reported(&self, k: usize) -> bool {
         let log = &self.logs[k];
         let is_shared = |(own, track): &(usize, Track)| *own == k && self.is_slow(log, track);
@@ -68,13 +68,13 @@ impl Inspection {
         }
     }
 
-    /// 1σ of all of the error of a position \[m\].
+    /// The total 1σ of a position \[m\].
     pub(super) fn whole(&self, log: &Log, track: &Track) -> f64 {
         let (white, _) = self.white(log, track);
         if self.is_slow(log, track) { white.hypot(1.5) } else { white }
     }
 
-    /// So many 1σ of a fix for the first one, which has none of its own where its slow error is a state.
+    /// Writes the 1σ of the first fix: `times` the 1σ of a fix. With a slow error as a state it writes none.
     pub(super) fn first_sigma(&self, text: &mut Text, times: f64, why: &str) {
         let Some((k, track)) = &self.position else { return };
         let log = &self.logs[*k];
@@ -89,7 +89,7 @@ impl Inspection {
     }
 
     /// The position and, if reported, the velocity, as sensors on `gnss`.
-    /// `wander` is how the velocity of the process changes in the plane \[m/s/√s\], where the design says so.
+    /// `wander` is the random walk of the process velocity in the plane \[m/s/√s\], if the design declares it.
     pub(super) fn position_sensors(&self, text: &mut Text, is_moving: bool, wander: Option<f64>) {
         let Some((k, track)) = &self.position else { return };
         let log = &self.logs[*k];
@@ -114,7 +114,8 @@ impl Inspection {
             );
         }
         let lag = self.lag();
-        // Where fixes of the same receiver judge a vehicle that turns as its course does, its stamps are the time.
+        // If fixes of the same receiver judge a vehicle that turns as its course does, the stamps of the receiver
+        // define the time.
         if let Some(late) = self.late_position().filter(|_| arm) {
             let share = format!("time_offset = {{ estimate = true, initial = \"{late:.2} s\", sigma = \"50 ms\" }}");
             text.line(&share, "guessed: positions are smoothed less than velocities, and are less late");
@@ -127,7 +128,7 @@ impl Inspection {
             );
         }
         if self.is_slow(log, track) {
-            // A vehicle on foot speed stays near the same houses, and its odometer shows what they do.
+            // A vehicle at foot speed stays near the same houses, and its odometer shows their effect on the fixes.
             let time = if is_moving { 600 } else { 60 };
             text.line(
                 &format!("bias = {{ estimate = true, initial = [0, 0, 0], sigma = [\"1.5 m\", \"1.5 m\", \"2 m\"], correlation_time = \"{time} s\" }}"),
@@ -164,8 +165,8 @@ impl Inspection {
         }
     }
 
-    /// The 1σ that a receiver reports of its positions, where the filter takes it for their noise: not where a slow error that is
-    /// a state is in it.
+    /// The 1σ that a receiver reports of its positions, if the filter uses it as their noise. It does not if the 1σ
+    /// contains a slow error that is a state.
     fn claimed_position(&self) -> Option<Claim> {
         let (k, track) = self.position.as_ref()?;
         let log = &self.logs[*k];
@@ -173,7 +174,7 @@ impl Inspection {
         track.claims[0].filter(|_| is_whole)
     }
 
-    /// Whether the stamps of the unit were moved to those of the positions.
+    /// Whether the stamps of the unit were shifted to match the stamps of the positions.
     fn is_shifted(&self) -> bool {
         let clock = self.imu.as_ref().and_then(|(k, _)| self.logs[*k].clock.as_ref());
         clock.is_some_and(|clock| clock.shift != 0.0)
@@ -199,7 +200,7 @@ impl Inspection {
         }
         let claim = track.claims[1];
         let claimed = log.values(VelocitySigma).map(|s| median(s.iter().map(|s| 0.5 * (s[0] + s[1]))));
-        // Neighbours share a part of their error, which their scatter does not show.
+        // Neighbouring fixes share a part of their error, which their scatter does not show.
         let scatter = 3.0 * track.velocity_scatter;
         let (sigma, why) = match claimed {
             Some(c) if scatter.is_nan() || scatter >= c => (c.max(0.05), format!("guessed: the 1σ reported, {c:.3} m/s")),
@@ -239,18 +240,18 @@ impl Inspection {
         }
     }
 
-    /// Whether only the length of the force tells how late velocities are.
+    /// Whether only the length of the force gives the latency of velocities.
     fn is_late_by_force(&self) -> bool {
         self.pair.is_some_and(|p| p.correlation.abs() <= 0.8 && p.by_force.is_some())
     }
 
-    /// How late positions are taken to be, where a design says so \[s\].
+    /// The assumed latency of positions, if a design declares it \[s\].
     pub(super) fn late_position(&self) -> Option<f64> {
         let lag = self.lag().filter(|_| self.reference.is_some() || self.is_late_by_force());
         lag.map(|lag| 0.3 * lag.max(0.0))
     }
 
-    /// How late velocities are, where that is known \[s\]; where the clock of the unit is scaled, what is left of it.
+    /// The latency of velocities, if it is known \[s\]; with a scaled unit clock, the rest of it.
     pub(super) fn lag(&self) -> Option<f64> {
         let pair = self.pair?;
         if pair.correlation.abs() <= 0.8 {
@@ -267,7 +268,7 @@ impl Inspection {
         })
     }
 
-    /// The sources of the positions, and of velocities with a file of their own.
+    /// The sources of the positions, and of velocities in a separate file.
     pub(super) fn position_source(&self, text: &mut Text) {
         let Some((k, track)) = &self.position else { return };
         let log = &self.logs[*k];
@@ -294,7 +295,7 @@ impl Inspection {
         }
     }
 
-    /// A barometer, where the air has a pressure and positions have a height.
+    /// A barometer, if there is an air pressure and positions have a height.
     pub(super) fn barometer(&self, text: &mut Text) {
         let is_wet = self.with(Depth).is_some() || self.with(BodyVelocity).is_some();
         let Some((k, (_, track))) = self
@@ -309,13 +310,15 @@ impl Inspection {
             return;
         };
         let pressures: Vec<f64> = values.iter().map(|v| v[0]).collect();
-        // What a barometer at the first position would read at height zero of the standard atmosphere (ISO 2533).
+        // The reading of a barometer at the first position, reduced to height zero of the standard atmosphere (ISO
+        // 2533).
         let at_sea = median(pressures.iter().take(10).copied()) / (1.0 - 6.5e-3 * origin[2] / 288.15).powf(5.255_88);
         let changed: Vec<f64> = pressures.windows(2).filter(|w| w[0] != w[1]).map(|w| w[1]).collect();
-        // Of three in a row with white errors, as of positions; a normal number is below 0.674 σ half of the time.
+        // The middle of three in a row with white errors, as for positions; a normal number is below 0.674 σ half of
+        // the time.
         let off = changed.windows(3).map(|p| (p[1] - 0.5 * (p[0] + p[2])).abs());
         let scatter = median(off) / 0.674 / 1.5_f64.sqrt();
-        // Against the heights of the track: wind and speed press, too, and not from row to row.
+        // Against the heights of the track: wind and speed also change the pressure, but not from row to row.
         let moved = against_heights(log.stamps(), &pressures, track);
         let sigma = if scatter.is_finite() { scatter.max(moved).max(3.0) } else { 10.0 };
         text.table("sensor.barometer");
@@ -334,7 +337,7 @@ impl Inspection {
         self.source(text, "barometer", k, &[Pressure], "");
     }
 
-    /// A recorded heading that follows the course, and a magnetometer that reads the field of the Earth.
+    /// A recorded heading that follows the course, and a magnetometer that reads the Earth's field.
     pub(super) fn compasses(&self, text: &mut Text) {
         if let Some(k) = self.recorded_heading() {
             text.table("sensor.heading");
@@ -384,7 +387,7 @@ impl Inspection {
             "hard_iron = { estimate = true, initial = [0, 0, 0], sigma = \"5 uT\" }",
             "guessed: a unit that is not calibrated in its vehicle",
         );
-        // Where in its interval a row was taken is not known.
+        // The time of a row within its interval is not known.
         let turned = self.imu.as_ref().map_or(0.0, |(_, imu)| imu.turning * 0.5 / self.logs[k].rate());
         let sigma = (1e6 * field.strength * turned.min(1.0)).max(field.scatter * 1e6).max(1.0);
         text.line(
@@ -394,7 +397,7 @@ impl Inspection {
         self.source(text, "magnetometer", k, &[MagneticField], "");
     }
 
-    /// A speed ahead: of wheels, or of a log that sees the water.
+    /// A speed ahead: from wheels, or from a log that measures the speed through the water.
     pub(super) fn log_or_wheels(&self, text: &mut Text) {
         let Some(k) = self.with(Speed) else { return };
         let current = self.current(Speed);
@@ -428,7 +431,7 @@ impl Inspection {
         }
     }
 
-    /// The height of the first fix, where the fixes have none.
+    /// The height of the first fix, if the fixes have none.
     pub(super) fn first_height(&self, text: &mut Text) {
         let is_local = self.position.as_ref().is_some_and(|(k, _)| is_local(&self.logs[*k]));
         if !self.has_height() && !is_local {
@@ -436,7 +439,7 @@ impl Inspection {
         }
     }
 
-    /// Why a speed is one through the water: the current that was found, or the name.
+    /// Why a speed is taken as a speed through the water: the current that was found, or the name.
     fn why_water(&self, of: Kind, current: [f64; 2]) -> String {
         if self.found_current(of).is_some() {
             return through_water(current);
@@ -444,12 +447,12 @@ impl Inspection {
         "guessed: by its name a speed through the water; the current is not told by this log".to_owned()
     }
 
-    /// Whether something tells the velocity over ground, so that a current can be told from that of the vehicle.
+    /// Returns true if a velocity over ground is measured: without one, a current is not identifiable.
     fn knows_ground(&self) -> bool {
         self.position.as_ref().is_some_and(|(_, track)| track.is_reported)
     }
 
-    /// A Doppler log and a depth, where there are; `is_planar`: the positions are used without their height.
+    /// A Doppler log and a depth, if there are any; `is_planar`: the positions are used without their height.
     pub(super) fn water(&self, text: &mut Text, is_planar: bool) {
         if let Some(k) = self.with(BodyVelocity) {
             let (current, is_ground) = (self.current(BodyVelocity), sees_ground(&self.logs[k]));
@@ -499,14 +502,14 @@ impl Inspection {
     }
 }
 
-/// The noise of a sensor as its source reports it, row by row. `sigma` is what it is taken for along each axis where the report
-/// is the usual one. The part that is not reported is added, and at least the `scatter` of neighbours.
+/// The noise of a sensor as its source reports it, row by row. `sigma` is the assumed noise along each axis at the
+/// usual report. The part that is not reported is added, and at least the `scatter` of neighbours.
 fn from_source(claim: Claim, sigma: &[f64], scatter: f64, unit: &str) -> String {
-    /// Where a receiver reports zero, the filter needs some noise: the last digit of most logs.
+    /// If a receiver reports zero, the filter needs some noise: the last digit of most logs.
     const LEAST: f64 = 1e-3;
     let least = scatter.max(LEAST);
-    // A receiver that reports less than its neighbours scatter is optimistic; one that reports more than is taken for its noise, too
-    // careful.
+    // A receiver that reports less than the scatter of its neighbours is optimistic. One that reports more than its
+    // assumed noise is conservative.
     let across = 0.5 * (claim.median[0] + claim.median[1]);
     let careful = sigma[0] / across;
     let scale = if claim.times > 1.0 { claim.times } else { careful.min(1.0) };
@@ -519,11 +522,11 @@ fn from_source(claim: Claim, sigma: &[f64], scatter: f64, unit: &str) -> String 
     )
 }
 
-/// How pressures scatter against the heights of a track over five seconds, 1σ of one \[Pa\]; zero where that is not known.
+/// The scatter of pressures against the heights of a track over five seconds, 1σ of one \[Pa\]; zero if it is unknown.
 fn against_heights(t: &[f64], pressures: &[f64], track: &Track) -> f64 {
-    /// So long after one pressure the next is compared [s].
+    /// The time between two compared pressures [s].
     const AFTER: f64 = 5.0;
-    /// Heights within which the pressure of air is e times as much, at 15 °C (ISO 2533) [m].
+    /// The height over which the pressure of air changes by a factor of e, at 15 °C (ISO 2533) [m].
     const SCALE: f64 = 8435.0;
     let height = |at: f64| {
         let k = track.t.partition_point(|t| *t <= at).checked_sub(1)?;
@@ -555,7 +558,7 @@ fn drift(text: &mut Text, why: &str) {
     );
 }
 
-/// Why a speed is one through the water, where the current is found.
+/// Why a speed is taken as a speed through the water, if the current is found.
 fn through_water([north, east]: [f64; 2]) -> String {
     format!(
         "guessed: a speed through the water, for it agrees with that over ground only if a current of {north:.2} m/s north, {east:.2} m/s \
@@ -563,7 +566,7 @@ fn through_water([north, east]: [f64; 2]) -> String {
     )
 }
 
-/// Whether the name of a file, or of a column, says that a velocity is that over ground.
+/// Whether the name of a file, or of a column, says that a velocity is over ground.
 fn sees_ground(log: &Log) -> bool {
     const GROUND: [&str; 7] = ["dvl", "doppler", "bottom", "bt", "ground", "sog", "odom"];
     let names = log.signal(BodyVelocity).map_or_else(Vec::new, |s| s.names(&log.table));
@@ -572,12 +575,12 @@ fn sees_ground(log: &Log) -> bool {
     says(&file.split('.').next().unwrap_or_default().to_owned()) || names.iter().any(says)
 }
 
-/// An angle \[deg\] without its whole quarter turns.
+/// The part of an angle \[deg\] beyond whole quarter turns.
 pub(super) fn past_quarter(angle: f64) -> f64 {
     angle - 90.0 * (angle / 90.0).round()
 }
 
-/// Which kind of position a log has.
+/// The kind of position in a log.
 pub(super) fn place(log: &Log) -> Kind {
     if log.has(Geodetic) { Geodetic } else { Local }
 }

@@ -9,15 +9,15 @@ use crate::inspect::words::{Words, contains};
 use crate::inspect::{Clock, Form, Inspection, Origin};
 use fusion::source::table::utc_text;
 
-/// Repeated rows above this share are not measurements of their own.
+/// Above this share, repeated rows are not separate measurements.
 const REPEATED: f64 = 0.1;
-/// A position of zero in more rows than this share stands for none.
+/// A position of zero means a missing position if more rows than this share have it.
 const ZEROS: f64 = 0.01;
-/// Clocks that move apart by more over the log than can be seen are brought together \[s\].
+/// A clock drift larger than this over the log is corrected \[s\].
 const DRIFT: f64 = 0.05;
 
 impl Inspection {
-    /// `[source.NAME]` with the channels of these kinds, and a line more.
+    /// `[source.NAME]` with the channels of these kinds, and an extra line.
     pub(super) fn source(&self, text: &mut Text, name: &str, k: usize, kinds: &[Kind], more: &str) {
         let log = &self.logs[k];
         let Some(clock) = &log.clock else { return };
@@ -55,7 +55,7 @@ impl Inspection {
         }
     }
 
-    /// How the text is written: comments, and lines that are no rows.
+    /// The text format: comments, and lines that are no rows.
     fn text_of(&self, text: &mut Text, log: &Log) {
         let table = &log.table;
         if let Some(mark) = table.comment {
@@ -151,12 +151,12 @@ impl Inspection {
         text.line(&format!("time = {{ {} }}", parts.join(", ")), &why.join("; "));
     }
 
-    /// The second that stamps are counted from, where they would be large.
+    /// The second that stamps are counted from, if they would be large otherwise.
     pub(super) fn epoch(&self) -> Option<f64> {
         Some(self.begin().floor()).filter(|begin| *begin > 1e6)
     }
 
-    /// The scale of the unit's clock, where it drifts against that of the positions.
+    /// The scale of the unit's clock, if it drifts against the clock of the positions.
     pub(super) fn drift(&self) -> Option<f64> {
         let (first, last) = self.pair?.lags?;
         let (k, _) = self.imu.as_ref()?;
@@ -164,7 +164,7 @@ impl Inspection {
         ((last - first).abs() > DRIFT).then(|| 1.0 + (last - first) / between)
     }
 
-    /// Which rows are used.
+    /// The rows that are used.
     fn rows(&self, text: &mut Text, k: usize, signals: &[&Signal]) {
         let log = &self.logs[k];
         if log.table.malformed > 0 || signals.iter().any(|s| log.missing(s) > 0.0) {
@@ -175,7 +175,7 @@ impl Inspection {
             let why = format!("{:.0} % of the rows repeat the one before", 100.0 * repeated);
             text.line("repeats = \"drop\"", &why);
         }
-        // Those of the rows, each with its reason.
+        // The conditions on rows, each with its reason.
         let mut conditions: Vec<(String, String)> = Vec::new();
         if let Some(instances) = &log.instances {
             let (name, first) = (quoted(&log.table.columns[instances.column].name), instances.numbers[0]);
@@ -185,7 +185,7 @@ impl Inspection {
         }
         let is_place = |s: &Signal| matches!(s.kind, Kind::Geodetic | Kind::Local);
         let position = signals.iter().copied().find(|s| is_place(s));
-        // A depth that came with a position is there where the position is.
+        // A depth in the columns of a position is valid when the position is.
         let is_within = |s: &&Signal| signals.iter().any(|own| s.columns.iter().any(|c| own.columns.contains(c)));
         let position = position.or_else(|| log.signals.iter().filter(|s| is_place(s)).find(is_within));
         if let Some((column, condition, why)) = position.and_then(|position| validity(log, position)) {
@@ -204,7 +204,7 @@ impl Inspection {
         let names = signal.names(&log.table);
         let unit = |u: &str| if u.is_empty() { String::new() } else { format!(", unit = \"{u}\"") };
         let columns = format!("columns = {}{}", array(&names), unit(&signal.unit));
-        // A filter in the plane has no height that could be judged.
+        // A filter in the plane has no height to judge.
         let is_judge = matches!(source, "withheld" | "reference");
         let is_in_plane = is_judge && self.driver() == Some(super::Driver::Odometer);
         let is_of_flat = match signal.kind {
@@ -230,7 +230,7 @@ impl Inspection {
                 };
                 body
             }
-            // The judge is as late as the sensor that reads other rows of it.
+            // The judge has the latency of the sensor that reads other rows of it.
             Kind::Velocity => {
                 let late = self.lag().filter(|_| source == "withheld").map_or_else(String::new, latency);
                 over_ground(log, signal).unwrap_or(columns) + &late
@@ -314,7 +314,7 @@ impl Inspection {
         text.line(&format!("{name} = {{ {body} }}"), &why);
     }
 
-    /// The choices where the course does not tell how the heading counts.
+    /// The choices if the course does not determine the convention of the heading.
     fn undecided_heading(&self, text: &mut Text, names: &[String]) {
         let Some(yaw) = self.yaw.filter(|yaw| !yaw.is_decided()) else {
             return;
@@ -331,7 +331,7 @@ impl Inspection {
         ));
     }
 
-    /// Roll, pitch, yaw: as of an aeroplane, or of axes forward, left, up where the heading counts anti-clockwise.
+    /// Roll, pitch, yaw: for an aeroplane, or for axes forward, left, up if the heading counts anti-clockwise.
     fn euler(&self, names: &[String], unit: &str) -> String {
         let Some(yaw) = self.yaw.filter(|yaw| yaw.is_decided()) else {
             return format!("rpy = {}, unit = \"{unit}\"", array(names));
@@ -342,7 +342,8 @@ impl Inspection {
         format!("rpy = {}, unit = \"{unit}\"{offset}", array(&all))
     }
 
-    /// `offset` of a recorded heading, in this form, to a quarter turn: the rest is how the instrument is mounted.
+    /// `offset` of a recorded heading, in this form, rounded to quarter turns: the rest is the mounting of the
+    /// instrument.
     fn quarter(&self, form: &str) -> String {
         let yaw = self.yaw.filter(|yaw| yaw.is_decided());
         let quarter = yaw.map_or(0.0, |yaw| 90.0 * (yaw.offset.to_degrees() / 90.0).round());
@@ -353,7 +354,7 @@ impl Inspection {
         }
     }
 
-    /// `rotation` from the sensor's axes to forward, right, down; empty where they are that.
+    /// `rotation` from the sensor's axes to forward, right, down; empty if they are the same.
     fn axes(&self) -> String {
         let Some(axes) = self.body_axes() else { return String::new() };
         let named = |v: Vec3| {
@@ -367,7 +368,7 @@ impl Inspection {
         format!(", rotation = {{ axes = {} }}", array(&all))
     }
 
-    /// A vector in the sensor's axes along those of the body.
+    /// A vector in the sensor's axes, transformed to body axes.
     pub(super) fn in_body(&self, v: Vec3) -> Vec3 {
         self.body_axes().map_or(v, |axes| axes.map(|axis| dot(axis, v)))
     }
@@ -386,7 +387,7 @@ impl Inspection {
         Some([forward, cross(down, forward), down])
     }
 
-    /// By how many quarter turns the vehicle's forward axis is to the right of the first horizontal one.
+    /// The number of quarter turns from the first horizontal axis to the vehicle's forward axis, to the right.
     pub(super) fn quarters(&self) -> i32 {
         let forward = self.pair.and_then(|p| p.ahead());
         let angle = forward.map_or(0.0, |(angle, _)| angle);
@@ -394,8 +395,8 @@ impl Inspection {
     }
 }
 
-/// Whether a log of `fusion record` has these columns, by their names: its samples are means over the interval that ends at
-/// the stamp.
+/// Returns true if a log of `fusion record` has these columns, by their names. Its samples are means over the interval
+/// that ends at the stamp.
 fn is_recorded(signal: &Signal, log: &Log) -> bool {
     let unit = if signal.kind == Kind::SpecificForce { "m/s^2" } else { "rad/s" };
     let written = ["x", "y", "z"].map(|axis| format!("{}_{axis} [{unit}]", channel_name(signal.kind)));
@@ -423,7 +424,7 @@ const fn channel_name(kind: Kind) -> &'static str {
     }
 }
 
-/// A velocity as speed and course; `None` of one along axes.
+/// A velocity as speed and course; `None` for a velocity along axes.
 fn over_ground(log: &Log, signal: &Signal) -> Option<String> {
     let course_unit = signal.course?;
     let name = |k: usize| quoted(&log.table.columns[signal.columns[k].0].name);
@@ -441,7 +442,7 @@ fn over_ground(log: &Log, signal: &Signal) -> Option<String> {
         };
         of(k) > of(0)
     };
-    // What stands has no course.
+    // A vehicle at rest has no course.
     let valid = if missing(1) {
         format!(", valid = {{ column = {}, not_equals = \"\" }}", name(1))
     } else {
@@ -455,7 +456,7 @@ fn over_ground(log: &Log, signal: &Signal) -> Option<String> {
     ))
 }
 
-/// `latency` of a channel that is late \[s\].
+/// The `latency` of a late channel \[s\].
 fn latency(lag: f64) -> String {
     if lag > 0.0 {
         format!(", latency = \"{lag:.2} s\"")
@@ -464,7 +465,7 @@ fn latency(lag: f64) -> String {
     }
 }
 
-/// A whole second as stamps of this unit count it.
+/// A whole second in stamps of this unit.
 fn epoch(seconds: f64, unit: &str) -> String {
     let zeros = match unit {
         "ms" => 3,
@@ -475,7 +476,7 @@ fn epoch(seconds: f64, unit: &str) -> String {
     format!("{seconds:.0}{}", "0".repeat(zeros))
 }
 
-/// The column that tells a position from none, the condition, and why.
+/// The column that shows whether a position is valid, the condition, and the reason.
 fn validity(log: &Log, position: &Signal) -> Option<(usize, String, String)> {
     let words: Vec<Words> = log.table.columns.iter().map(|c| Words::of(c.called())).collect();
     let first = words[position.columns[0].0].stem.split('_').next().unwrap_or_default().to_owned();
@@ -491,7 +492,7 @@ fn validity(log: &Log, position: &Signal) -> Option<(usize, String, String)> {
         .position(|w| w.ends_with(&["q", "quality", "fix", "fixtype"]) && w.stem.len() < 10);
     if let Some(k) = quality {
         let values = || log.table.columns[k].values.iter().copied().filter(|v| v.is_finite());
-        // Of two numbers, zero is no fix, however often it stands.
+        // In a column with two values, zero means no fix, however often it appears.
         let is_flag = values().all(|v| v == 0.0 || v == 1.0) && values().any(|v| v == 1.0);
         let usual = if is_flag { 1.0 } else { log.typical(k) };
         let others = log.table.columns[k].values.iter().filter(|v| **v != usual).count();
@@ -515,7 +516,7 @@ fn validity(log: &Log, position: &Signal) -> Option<(usize, String, String)> {
         "guessed: {:.0} % of the rows have a position of zero: none",
         100.0 * log.zeros(position)
     );
-    // A height may be zero, and below; the first column of a place is so only by chance.
+    // A height may be zero or negative; the first column of a place is zero only by chance.
     let k = position.columns.first()?.0;
     let name = quoted(&log.table.columns[k].name);
     Some((k, format!("column = {name}, not_equals = 0"), share))

@@ -7,9 +7,9 @@ use crate::inspect::page::{degrees, vector};
 use crate::inspect::signal::Kind::{AngularRate, BodyVelocity, SpecificForce, Speed};
 use crate::inspect::{Imu, Inspection, Rest, Stances, Track};
 
-/// What is added to densities at rest for the shaking of motion.
+/// The factor from densities at rest to densities under vibration.
 const SHAKEN: f64 = 3.0;
-/// Nothing is believed to be better in motion \[m/s²/√Hz\], \[rad/s/√Hz\].
+/// No unit is assumed better in motion \[m/s²/√Hz\], \[rad/s/√Hz\].
 const FLOOR: (f64, f64) = (8e-3, 2e-4);
 
 impl Inspection {
@@ -58,7 +58,7 @@ impl Inspection {
         self.position_source(text);
     }
 
-    /// An inertial unit on a foot, without positions: the way from where it begins.
+    /// An inertial unit on a foot, without positions: the path relative to its start.
     pub(super) fn walk(&self, text: &mut Text) {
         let Some((k, imu)) = &self.imu else { return };
         let Some(stances) = &imu.stances else { return };
@@ -93,7 +93,7 @@ impl Inspection {
         self.source(text, "imu", *k, &[AngularRate, SpecificForce], "");
     }
 
-    /// Why the forward axis is what it is.
+    /// The reason for the forward axis.
     pub(super) fn ahead(&self) -> String {
         let unit = self.imu.as_ref().and_then(|(k, _)| self.logs[*k].signal(SpecificForce));
         let is_named = unit.is_some_and(|s| s.is_body);
@@ -117,7 +117,7 @@ impl Inspection {
     /// Noise and biases.
     fn noise(&self, text: &mut Text, imu: &Imu) {
         let is_foot = imu.stances.is_some();
-        // A foot that rests is never quite still: what its unit reads there is no noise, and its mean no bias.
+        // A foot at rest is never quite still: its readings there give neither the noise nor the bias.
         let rest = imu.rest.as_ref().filter(|_| !is_foot);
         let shaken = |of: fn(&Rest) -> f64, floor: f64| rest.map_or(floor, |r| (SHAKEN * of(r)).max(floor));
         let (force, rate) = (shaken(|r| r.accel_noise, FLOOR.0), shaken(|r| r.gyro_noise, FLOOR.1));
@@ -146,9 +146,9 @@ impl Inspection {
         );
     }
 
-    /// The bias of the gyros in body axes, and where it is from, if it is worth a word.
+    /// The gyro bias in body axes and its origin, if it is large enough.
     pub(super) fn gyro_bias(&self, rest: Option<&Rest>) -> (String, &'static str) {
-        /// Ten of the 1σ of a bias that was found at rest [rad/s].
+        /// Ten times the 1σ of a bias found at rest [rad/s].
         const LARGE: f64 = 0.0087;
         match rest.filter(|r| norm(r.bias) > LARGE) {
             Some(r) => {
@@ -169,7 +169,7 @@ impl Inspection {
         self.first_height(text);
         self.first_sigma(text, 1.5, "one and a half of the 1σ guessed below");
         let told = self.told();
-        // A first fix takes its velocity only with its vertical.
+        // A first fix uses a velocity only if it has a vertical part.
         let takes_velocity = self.velocity.is_none() && !self.has_flat_velocity();
         if told == Told::Course && takes_velocity {
             text.line("velocity_sigma = \"1 m/s\"", "guessed: it is late while the vehicle pulls away");
@@ -227,7 +227,7 @@ impl Inspection {
         text.table("initial.level");
         text.quoted("type", "levelling");
         text.quoted("source", "imu");
-        // A foot that walks before it rests for long begins at its first stance.
+        // A foot that walks before it rests for long starts at its first stance.
         let is_late = |s: &Stances| imu.rest.as_ref().is_none_or(|r| self.local(r.first.0) > 2.0 * s.period);
         if let Some(stances) = imu.stances.as_ref().filter(|s| is_late(s)) {
             text.line(
@@ -270,7 +270,7 @@ impl Inspection {
         }
     }
 
-    /// Whether it is a vehicle that does not slip sideways: fast, level, at rest now and then.
+    /// Whether it is a vehicle that does not slip sideways: fast, level, sometimes at rest.
     fn is_road_vehicle(&self) -> bool {
         let fits = |t: &crate::inspect::Track| t.top_speed() > 5.0 && self.has_course();
         let rests = self.imu.as_ref().and_then(|(_, i)| i.rest.as_ref()).is_some_and(|r| r.share > 0.01);
@@ -280,7 +280,7 @@ impl Inspection {
         rests && forward && is_dry && self.position.as_ref().is_some_and(|(_, t)| fits(t))
     }
 
-    /// What a road vehicle cannot do, as configs/parts/vehicle/car.toml.
+    /// The constraints of a road vehicle, as in configs/parts/vehicle/car.toml.
     fn road(&self, text: &mut Text, imu: &Imu) {
         let Some(rest) = &imu.rest else { return };
         text.section(
@@ -334,7 +334,7 @@ impl Inspection {
             ),
         );
         text.line("max_mean_acceleration = \"0.2 m/s^2\"", "guessed: braking is no rest");
-        // The test of rest reads a velocity with its vertical.
+        // The rest test reads a velocity only if it has a vertical part.
         if !self.has_flat_velocity() {
             text.line(
                 &format!(
@@ -382,7 +382,7 @@ fn by_field(text: &mut Text) {
     text.line("sigma = \"20 deg\"", "guessed: declination, and iron that is not yet known");
 }
 
-/// The foot stands at every stance, as in configs/templates/person.toml.
+/// The foot is at rest in every stance, as in configs/templates/person.toml.
 fn foot(text: &mut Text, s: &Stances) {
     text.section(&format!(
         "guessed: a foot, for it stands for {:.2} s every {:.2} s; delete this for a vehicle",
@@ -416,7 +416,7 @@ fn foot(text: &mut Text, s: &Stances) {
     );
 }
 
-/// The limits of the test of a stance.
+/// The limits of the stance test.
 fn standing(s: &Stances) -> String {
     format!(
         "{{ window = \"{:.2} s\", accel_std = \"{:.2} m/s^2\", gyro_std = \"{:.2} deg/s\", mean_rate = \"{:.2} deg/s\" }}",
@@ -427,7 +427,7 @@ fn standing(s: &Stances) -> String {
     )
 }
 
-/// Where the limits of the test of rest are from.
+/// The origin of the limits of the rest test.
 pub(super) fn limits(r: &Rest) -> String {
     let share = if r.passing.is_nan() { 0.0 } else { 100.0 * r.passing };
     format!(
@@ -436,12 +436,12 @@ pub(super) fn limits(r: &Rest) -> String {
     )
 }
 
-/// The limits of the test of rest.
+/// The limits of the rest test.
 pub(super) fn still(r: &Rest, window: &str) -> String {
     limited(r, r.times, window)
 }
 
-/// Limits of so many times the deviations at rest.
+/// Limits of `times` the deviations at rest.
 fn limited(r: &Rest, times: f64, window: &str) -> String {
     let list = |v: [f64; 3], unit: &str| {
         let all = v.map(|x| format!("\"{:.5} {unit}\"", times * x));

@@ -11,13 +11,13 @@ pub(super) struct Text {
     read: BTreeSet<(usize, usize)>,
 }
 
-/// Comments begin in this column, where the line before them is shorter.
+/// Comments start in this column if the line before them is shorter.
 const MARGIN: usize = 36;
-/// Longer lines have their comment above them.
+/// Longer lines have their comment on the line above.
 const WIDTH: usize = 118;
 
 impl Text {
-    /// A comment on lines of its own.
+    /// A comment on a separate line.
     pub(super) fn comment(&mut self, words: &str) {
         let _ = writeln!(self.written, "# {words}");
     }
@@ -32,7 +32,7 @@ impl Text {
         let _ = writeln!(self.written, "\n[{name}]");
     }
 
-    /// A line with the reason of it.
+    /// A line and the reason for it.
     pub(super) fn line(&mut self, line: &str, why: &str) {
         let _ = match why {
             "" => writeln!(self.written, "{line}"),

@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Three minutes of a level vehicle that turns left and right, and a field of 50 uT that dips by 60 deg, in whose axes `sign`
-/// is 1.
+/// Three minutes of a level vehicle that turns left and right in a field of 50 uT with a dip of 60 deg. A `sign` of −1
+/// mirrors the y axis of the field.
 fn turning(sign: f64) -> (Log, Log) {
     let heading = |t: f64| 2.0 * (0.2 * t).sin();
     let rate = |t: f64| 0.4 * (0.2 * t).cos();
@@ -45,9 +45,9 @@ fn a_magnetometer_is_used_if_its_field_turns_as_the_gyros_do() {
     assert!(found.explained > 0.95, "{found:?}");
     let (unit, mirrored) = turning(-1.0);
     let why = Field::of(&mirrored, &unit, [0.0; 3]).unwrap().unwrap_err();
-    // Turns about one axis leave open whose sign it is.
+    // Turns about one axis do not show whose sign is wrong.
     assert!(why.contains("if axis z of the gyros, or axis x of the magnetometer"), "{why}");
-    // So it is said where the unit is, and not only among what is not used.
+    // So it is printed with the unit, not only in the list of unused columns.
     let page = format!("{:?}", Inspection::look(vec![unit, mirrored]).page().sections);
     let (found, rest) = page.split_once("Inertial unit").unwrap();
     assert!(
@@ -76,7 +76,7 @@ fn the_unit_of_a_field_without_a_name_is_told_by_that_of_the_earth_and_written()
         plain.path = "mag.csv".into();
         let design = Inspection::look(vec![imu, Log::of(plain)]).design(Path::new("/")).unwrap();
         let declared = format!("magnetic_field = {{ columns = [\"mx\", \"my\", \"mz\"], unit = \"{unit}\"");
-        // In a file of its own it tells the heading nevertheless.
+        // In a separate file it still measures the heading.
         assert!(
             design.contains(&declared) && design.contains("type = \"compass\""),
             "{unit}: {design}"

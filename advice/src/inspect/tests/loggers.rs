@@ -1,13 +1,13 @@
-//! Logs as loggers write them: times, places, several instruments in a file, estimates of other filters.
+//! Logs in the forms of loggers: times, places, several instruments in a file, estimates of other filters.
 
 use super::*;
 use core::sync::atomic::{AtomicUsize, Ordering};
 use fusion::config::Document;
 use fusion::design::Design;
 
-/// A log of a file of this name, by its text.
+/// A log from a file with this name and text.
 pub(super) fn log(name: &str, text: &str) -> Log {
-    // Tests run side by side, and files of one name would meet.
+    // Tests run in parallel, and files with the same name would collide.
     static NEXT: AtomicUsize = AtomicUsize::new(0);
     let number = NEXT.fetch_add(1, Ordering::Relaxed);
     let folder = std::env::temp_dir().join(format!("fusion-loggers-{}-{number}", std::process::id()));
@@ -20,12 +20,12 @@ pub(super) fn log(name: &str, text: &str) -> Log {
     Log::of(table)
 }
 
-/// A header, and rows that are made of their number.
+/// A header, and rows made from their number.
 pub(super) fn text(header: &str, rows: usize, row: &dyn Fn(usize) -> String) -> String {
     (0..rows).fold(format!("{header}\n"), |text, k| text + &row(k) + "\n")
 }
 
-/// Positions of a minute at 1 Hz, 11 m north a row.
+/// Positions of a minute at 1 Hz, 11 m further north in each row.
 fn places(header: &str, lat: f64, lon: f64, step: f64) -> Log {
     log(
         "gps.csv",
@@ -42,7 +42,7 @@ fn a_latitude_beyond_a_quarter_turn_is_in_degrees() {
     let looked = Inspection::look(vec![near]);
     let track = &looked.position.as_ref().unwrap().1;
     assert!((track.way / (59.0 * 11.12) - 1.0).abs() < 1e-2, "{}", track.way);
-    // On the equator, too, where only the speed tells: 637 m/s in rad; and rad where they are that.
+    // On the equator, too, where only the speed shows it: 637 m/s in rad; and rad if the values are in rad.
     assert_eq!(unit(&places("time_s,lat,lon,alt", 0.4, 1.5, 1e-4)).unwrap(), "deg");
     assert_eq!(unit(&places("time_s,lat,lon,alt", 0.4, 1.5, 1e-6)).unwrap(), "rad");
 }
@@ -55,7 +55,7 @@ fn a_height_is_known_by_its_words_and_its_absence_is_said() {
     };
     assert_eq!(height("time_s,Lat,Lon,AltHAE").unwrap(), "AltHAE");
     assert_eq!(height("time_s,Lat,Lon,AltRate"), None);
-    // Of the two of a receiver the one above the ellipsoid, wherever it stands.
+    // A receiver has two heights: use the height above the ellipsoid, in any column order.
     let row = |k: usize| format!("{k}.0,{:.7},-2.67,46.0,95.0", 51.42 + 1e-4 * k as f64);
     for (header, ellipsoid) in [
         ("time_s,lat,lon,hMSL,HeightEll", "HeightEll"),
@@ -82,7 +82,7 @@ fn degrees_and_minutes_in_one_number_are_read_as_nmea_writes_them() {
     assert!((origin[0].to_degrees() - (48.0 + 54.554 / 60.0)).abs() < 1e-9, "{origin:?}");
     assert!((origin[1].to_degrees() + 130.0 + 36.442 / 60.0).abs() < 1e-9, "{origin:?}");
     assert!((track.way / (59.0 * 11.12) - 1.0).abs() < 1e-2, "{}", track.way);
-    // 60 minutes and more are none: whatever it is, it is no place.
+    // 60 minutes and more are not a valid position.
     let odd = places("time_s,Lat,Lon,Alt", 4875.0, -13_036.442, 0.006);
     assert!(!odd.has(Kind::Geodetic), "{:?}", odd.signals);
     assert!(!places("time_s,lat_deg,lon_deg,alt", 514_234_656.0, -26_715_894.0, 10.0).has(Kind::Geodetic));
@@ -108,7 +108,7 @@ fn a_name_of_time_outranks_a_temperature() {
         assert_eq!((found.table.columns[clock.column].name.as_str(), clock.unit), ("TimeUS", "us"));
         assert!((clock.rate - 50.0).abs() < 1e-6 && clock.backwards == 0, "{clock:?}");
     }
-    // A temperature alone is no time.
+    // A temperature alone does not count as time.
     let alone = log("a.csv", &text("T,x", 100, &|k| format!("{},0", noisy(k))));
     assert!(alone.clock.is_none());
 }
@@ -122,7 +122,7 @@ fn a_counter_of_rows_has_no_rate() {
         let missing = Inspection::look(vec![found]).missing().join("\n");
         assert!(missing.contains("counts its rows") && missing.contains("rate = "), "{missing}");
     }
-    // Fixes once a second, by a name that says so.
+    // Fixes once a second, with a name that says so.
     assert_eq!(unit("time,ax,ay,az", 1).clock.unwrap().unit, "s");
     assert_eq!(unit("ms,ax,ay,az", 1).clock.unwrap().unit, "ms");
 }
@@ -144,7 +144,7 @@ fn a_date_that_begins_with_the_day_is_named() {
     assert!(either.contains("\"dmy\"` or `\"mdy\""), "{either}");
 }
 
-/// Rows of inertial units of which each has a number, with equal stamps, at 50 Hz, and a temperature.
+/// Rows of several numbered inertial units with equal stamps, at 50 Hz, and a temperature.
 fn units_in_turn(count: usize) -> Log {
     let row = |k: usize| {
         let (row, unit) = (k / count, k % count);
@@ -161,7 +161,7 @@ fn of_several_instruments_in_a_file_the_first_one_is_read() {
         let clock = found.clock.as_ref().unwrap();
         assert_eq!((found.table.rows(), clock.ties, clock.backwards), (1000, 0, 0));
         assert!((clock.rate - 50.0).abs() < 1e-6, "{clock:?}");
-        // The mean of the first one is zero, that of all is not.
+        // The mean of the first unit is zero, the mean of all is not.
         let rates = found.values(Kind::AngularRate).unwrap();
         assert!(rates.iter().all(|w| w[0].abs() < 0.011));
         let looked = Inspection::look(vec![found]);
@@ -174,7 +174,7 @@ fn of_several_instruments_in_a_file_the_first_one_is_read() {
             "{design}"
         );
     }
-    // A stamp that stands twice for one instrument is none of several.
+    // A stamp that occurs twice for one instrument does not show several instruments.
     let twice = |k: usize| format!("{},{},0.1,0.2,9.8", k / 2, k / 2 % 2);
     assert!(log("a.csv", &text("t,I,ax,ay,az", 200, &twice)).instances.is_none());
     assert!(Log::of(unit()).instances.is_none());
@@ -214,11 +214,11 @@ fn the_estimate_of_another_filter_is_no_measurement() {
         let design = looked.design(Path::new("/")).unwrap();
         assert!(design.contains(&format!("no measurement: `{name}`")), "{design}");
     }
-    // Where there is no other, it is what there is; a truth keeps its part.
+    // Without another position it is used; a truth keeps its role.
     assert!(Inspection::look(vec![smooth("POS.csv")]).position.is_some());
     let judged = Inspection::look(vec![smooth("truth.csv"), gps()]);
     assert_eq!(judged.reference.as_ref().unwrap().0, 0);
-    // An attitude of another filter does not replace a unit whose stamps are not known, and is named where it is used.
+    // An attitude of another filter does not replace a unit with unknown stamps, and is named if it is used.
     let row = |k: usize| format!("{k},0.{0},0.2,0.3,0.1,0.2,-9.{0}", k % 10);
     let silent = log("IMU.csv", &text("index,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", 100, &row));
     assert!(Inspection::look(vec![attitude(), gps(), silent]).design(Path::new("/")).is_err());
@@ -245,7 +245,7 @@ fn a_row_without_a_fix_is_told_by_its_flag_or_by_its_place() {
     assert_eq!(of("time,lat,lon,alt", &zeros), "valid = { column = \"lat\", not_equals = 0 }");
 }
 
-/// The design that is written of these logs, read back: it has to be a design.
+/// The design that is written for these logs, read back: it has to be valid.
 fn written(logs: Vec<Log>) -> String {
     fusion_models::link();
     let text = Inspection::look(logs).design(Path::new("/")).unwrap();
@@ -259,7 +259,7 @@ fn written(logs: Vec<Log>) -> String {
 
 #[test]
 fn speed_and_course_are_a_velocity_and_the_way_tells_a_unit_that_no_name_does() {
-    // East at 11.12 m/s, 21.62 kn, 40.03 km/h, to a hundredth and a degree: columns that never change say nothing.
+    // East at 11.12 m/s, 21.62 kn, 40.03 km/h, to a hundredth and a degree: constant columns do not count.
     let moved = |header: &str, speed: f64| {
         let row = |k: usize| {
             let wander = noise(k as f64, 1.0);
@@ -283,7 +283,7 @@ fn speed_and_course_are_a_velocity_and_the_way_tells_a_unit_that_no_name_does() 
             of[0]
         );
     }
-    // Neither sign nor factor fits: nothing is claimed.
+    // Neither sign nor factor fits: no unit is claimed.
     let odd = moved("t,lat_deg,lon_deg,alt_m,speed,bearing", 80.0);
     assert_eq!(odd.signal(Kind::Velocity).unwrap().unit, "m/s");
 }
@@ -298,7 +298,7 @@ fn rows_that_are_far_apart_make_a_design_without_nan_and_with_intervals_of_their
 
 #[test]
 fn a_receiver_without_a_vertical_makes_a_design_that_is_read() {
-    // An inertial unit that turns and pushes as the fixes say, on a circle of 50 m at 5 m/s.
+    // An inertial unit that turns and accelerates as the fixes show, on a circle of 50 m at 5 m/s.
     let (speed, radius, rate) = (5.0, 50.0, 0.1_f64);
     let fix = |k: usize| {
         let angle = rate * 0.2 * k as f64;

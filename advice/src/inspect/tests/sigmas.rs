@@ -1,9 +1,9 @@
-//! How a first design takes the 1σ that a log reports.
+//! How a first design uses the 1σ that a log reports.
 
 use super::super::signal::reported_by_name;
 use super::*;
 
-/// The fixes of [`fixes`], which scatter by `size` \[m/s\], with columns that report the 1σ of their velocities.
+/// The fixes of [`fixes`] with a scatter of `size` \[m/s\], and columns that report the 1σ of their velocities.
 fn reporting(size: f64, columns: &[(&'static str, &dyn Fn(f64) -> f64)]) -> Table {
     let mut all = fixes(1.0);
     all.path = "gnss.csv".into();
@@ -31,7 +31,7 @@ fn can_be_built(design: &str) -> bool {
     mistakes.is_empty() && fusion::run::examine::build(document).is_ok()
 }
 
-/// Factor and 1σ that are added, of the velocities of a design.
+/// The factor and the added 1σ of the velocities in a design.
 fn noise_of(design: &str) -> Option<(f64, f64)> {
     let table = design.split("[sensor.gnss_velocity]").nth(1)?.split("noise = {").nth(1)?;
     let after = |key: &str| table.split(key).nth(1)?.split([',', ' ']).next()?.parse().ok();
@@ -39,7 +39,7 @@ fn noise_of(design: &str) -> Option<(f64, f64)> {
     Some((after("scale = ")?, after("sigma = [\"")?))
 }
 
-/// Of ±1 evenly distributed the 1σ is 1/√3.
+/// The 1σ of a uniform distribution over ±1 is 1/√3.
 const EVEN: f64 = 0.577;
 
 #[test]
@@ -54,9 +54,9 @@ fn a_velocity_is_as_noisy_as_each_row_reports() {
     let channel = "velocity_sigma = { columns = [\"svn_mps\", \"sve_mps\", \"svd_mps\"], unit = \"m/s\" }";
     assert!(text.contains(channel), "{text}");
     let (scale, least) = noise_of(&text).unwrap();
-    // Errors are as reported, to the scatter of a quantile of 300; half of the row's own is not lost in what is added.
+    // Errors are as reported, within the scatter of a quantile of 300. The added 1σ does not hide the reported ones.
     assert!((0.9..1.2).contains(&scale) && least < 0.25, "{text}");
-    // It can be run.
+    // The design can be built.
     assert!(can_be_built(&text), "{text}");
 }
 
@@ -65,7 +65,7 @@ fn an_optimistic_receiver_gets_the_factor_that_its_own_scatter_shows() {
     let small = |t: f64| 0.05 + 1e-3 * noise(t, 1.0);
     let columns: [(&str, &dyn Fn(f64) -> f64); 3] = [("svn_mps", &small), ("sve_mps", &small), ("svd_mps", &small)];
     let (scale, _) = noise_of(&design(reporting(0.2 / EVEN, &columns))).unwrap();
-    // Four times; a quantile of 300 is good to some percent.
+    // Four times; a quantile of 300 is accurate to a few percent.
     assert!((3.4..4.6).contains(&scale), "{scale}");
 }
 
@@ -120,6 +120,6 @@ fn names_alone_tell_what_is_reported() {
         of(&["vel_accuracy (mm/s)", "speed_accuracy (cm/s)"]),
         [expected(Kind::VelocitySigma, ["speed_accuracy (cm/s)"; 3], "cm/s")]
     );
-    // Metres along a track, a number without a unit, and what is no 1σ.
+    // Metres along a track, a number without a unit, and columns that are no 1σ.
     assert_eq!(of(&["s [m]", "sAcc", "std (m)", "dvl_std_m", "vn", "ve", "vd", "accuracy"]), []);
 }

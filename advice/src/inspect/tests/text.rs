@@ -1,4 +1,4 @@
-//! How the text of a log is written: comments, several lines of names, units side by side, times of day, recordings.
+//! Text forms of a log: comments, several lines of names, several units in one file, times of day, recordings.
 
 use super::loggers::{log, text};
 use super::*;
@@ -6,9 +6,10 @@ use fusion::config::Document;
 use fusion::examine::{Missing, examine, opening};
 use fusion::run::Options;
 
-/// What is found in files of these names and texts, and the design that is written of it, if one is: it has to open its files.
+/// The inspection of files with these names and texts, and the design that is written for them, if there is one. The
+/// design has to open its files.
 fn designed(files: &[(&str, String)]) -> (Inspection, String) {
-    // Tests run side by side, and files of one name would meet.
+    // Tests run in parallel, and files with the same name would collide.
     static NEXT: core::sync::atomic::AtomicUsize = core::sync::atomic::AtomicUsize::new(0);
     fusion_models::link();
     let number = NEXT.fetch_add(1, core::sync::atomic::Ordering::Relaxed);
@@ -35,7 +36,7 @@ fn designed(files: &[(&str, String)]) -> (Inspection, String) {
     (looked, design)
 }
 
-/// Samples of an inertial unit at rest, z down, with what differs from unit to unit.
+/// Samples of an inertial unit at rest, z down, with a different `seed` for each unit.
 fn samples(k: usize, seed: f64) -> String {
     let x = 0.01 * noise(0.02 * k as f64, seed);
     format!("{x:.5},0.1,{:.5},{x:.5},{x:.5},{x:.5}", x - 9.81)
@@ -54,11 +55,11 @@ fn comments_before_the_names_are_declared_and_one_of_them_may_tell_the_rate() {
         assert!(design.contains(&format!("comment = \"{mark}\"")), "{design}");
         assert!(design.contains("time = { column = \"Counter\", rate = \"50 Hz\" }"), "{design}");
     }
-    // Without that comment the rate is not invented.
+    // Without that comment, no rate is invented.
     let silent = header("#").replace("50.0Hz", "unknown");
     let (looked, design) = designed(&[("unit.txt", text(&silent, 500, &row))]);
     assert!(design.is_empty() && looked.missing().join(" ").contains("counts its rows"));
-    // A comment may hold the names, and a mark be a part of the only line of names.
+    // A comment may hold the names, or the mark may be a part of the only line of names.
     let within = format!("# made by hand\n# t,{NAMES}");
     let row = |k: usize| format!("{:.2},{}", 0.02 * k as f64, samples(k, 1.0));
     let (looked, design) = designed(&[("unit.txt", text(&within, 500, &row))]);
@@ -83,7 +84,7 @@ fn two_lines_of_names_are_joined_where_the_first_stands_for_several_columns() {
         "{design}"
     );
     assert!(design.contains("skip = 2") && !design.contains("bad_rows"), "{design}");
-    // The other unit is offered.
+    // The other unit is named as a choice.
     let said = format!("{:?}", looked.page().sections[0]);
     assert!(
         said.contains("holds 2 inertial units") && said.contains("`right_acc_x` `right_acc_y` `right_acc_z` with `right_gyr_x`"),
@@ -121,7 +122,7 @@ fn a_name_that_stands_twice_is_written_as_the_number_of_its_column() {
     assert_eq!(names, ["gyro_z_radps", "8", "9"]);
 }
 
-/// Fixes at 5 Hz, from 08:15:50 on, their stamps as `clock` writes them.
+/// Fixes at 5 Hz, from 08:15:50 on, with stamps in the form of `clock`.
 fn fixes_at(clock: &dyn Fn(usize, usize, f64) -> String) -> String {
     let row = |k: usize| {
         let t = 0.2 * k as f64 + 50.0;
@@ -176,7 +177,7 @@ fn times_of_day_are_given_the_day_of_another_file() {
         design.contains("day = \"2026-06-14\"") && design.contains("counts_from = \"unix\""),
         "{design}"
     );
-    // Nobody tells the day: they meet all the same, and the design says what to put in.
+    // No file gives the day: the logs still match, and the design says what to declare.
     let (looked, design) = designed(&[("gnss.csv", fixes_at(&digits)), ("imu.csv", unit_at(""))]);
     assert!(
         looked.position.is_some() && design.contains("put in that of the first row as `day`"),
@@ -200,7 +201,7 @@ fn times_of_day_go_on_after_midnight_and_seconds_stay_seconds() {
         (clock.span().1 - clock.span().0 - 199.0).abs() < 1e-3 && clock.backwards == 0,
         "{clock:?}"
     );
-    // Seconds have sixty and more in their last digits.
+    // Seconds reach sixty and more in their last two digits.
     let seconds = |k: usize| format!("{}.0,{}", 100_000 + k, samples(k, 1.0));
     let found = log("day.csv", &text(&format!("utc_time,{NAMES}"), 200, &seconds));
     let clock = found.clock.as_ref().unwrap();
@@ -220,7 +221,7 @@ fn recordings_with_a_number_are_put_one_after_the_other() {
         "{design}"
     );
     assert!(format!("{:?}", looked.page().sections[0]).contains("holds 3 recordings"));
-    // A column that steps besides numbers no recordings.
+    // A column that also steps elsewhere does not number the recordings.
     let other = |k: usize| format!("{},{:.2},{}", k / 100, 0.02 * (k % 500) as f64, samples(k, 1.0));
     let (looked, design) = designed(&[("runs.csv", text(&format!("run,t_s,{NAMES}"), 1500, &other))]);
     assert!(design.is_empty() && looked.missing().join(" ").contains("time.plus"));
@@ -245,7 +246,7 @@ fn of_two_columns_of_time_that_of_the_other_files_is_taken() {
 
 #[test]
 fn a_speed_that_stays_the_same_is_measured_and_one_that_is_held_is_not() {
-    // At rest for half of the time, at 5 m/s for a quarter; and a new value in every fifth row only.
+    // At rest for half of the time, at 5 m/s for a quarter; and a new value only in every fifth row.
     let moving = |t: f64| (10.0 * (t - 60.0).clamp(0.0, 5.0) * 100.0).round() / 1000.0;
     let declared = |each: usize| {
         let row = |k: usize| {
@@ -277,7 +278,8 @@ fn an_axis_that_never_changes_has_a_limit_that_can_be_met() {
     };
     let found = log("unit.csv", &text(&format!("t_s,{NAMES}"), 3000, &row));
     let rest = Imu::of(&found, &|_| Some(true)).unwrap().rest.unwrap();
-    // x and z of the force never change: the limit of y. y of the gyros is constant in most windows: half of its step.
+    // x and z of the force never change: they take the limit of y. y of the gyros is constant in most windows: half of
+    // its step.
     assert!(rest.accel_std[0] > 0.0 && rest.accel_std[0] == rest.accel_std[1] && rest.accel_std[2] == rest.accel_std[1]);
     assert!(rest.gyro_std.iter().all(|s| *s > 0.0), "{rest:?}");
 }
@@ -292,7 +294,7 @@ fn what_is_too_short_for_an_axis_has_no_force_that_is_not_a_number() {
     let looked = Inspection::look(vec![log("unit.csv", &text(&format!("t_s,{NAMES}"), 20, &row))]);
     assert!(looked.imu.is_none() && looked.missing().join(" ").contains("which axis points up"));
     assert!(!format!("{:?}", looked.page()).contains("mean force"));
-    // What to do is one sentence.
+    // The advice is one sentence.
     let said = format!("{:?}", looked.design(Path::new("/")).unwrap_err());
     assert!(said.contains("`Missing`") && !said.contains("axis points up"), "{said}");
 }

@@ -1,11 +1,11 @@
-//! Which numbers a first design gets from the values of its logs.
+//! Numbers that a first design takes from the values of its logs.
 
 use super::*;
 
-/// Twenty-five seconds at 100 Hz of a foot: at rest for two, turned slowly for one, then swung.
+/// Twenty-five seconds of a foot at 100 Hz: at rest for two, turned slowly for one, then swung.
 fn stepping() -> Table {
     let size = |t: f64| if t < 3.0 { 0.02 } else { 3.0 };
-    // 3 deg/s: more than a rest turns, shaken no more than it.
+    // 3 deg/s: faster than at rest, with the vibration of a rest.
     let slow = |t: f64| if (2.0..3.0).contains(&t) { 3.0 } else { 0.0 };
     table(
         &[
@@ -28,7 +28,7 @@ fn what_is_beside_a_short_rest_does_not_hide_it() {
     assert!(rest.first.0 < 0.1 && (rest.first.1 - 2.0).abs() < 0.1, "{rest:?}");
 }
 
-/// The design of a unit whose rates are so many times those of [`unit`], with fixes.
+/// The design for a unit whose rates are `times` those of [`unit`], with fixes.
 fn turned(times: f64) -> String {
     let mut shaken = unit();
     shaken.path = "imu.csv".into();
@@ -46,7 +46,8 @@ fn gyros_that_turn_fast_are_noisier_and_jump_further() {
         fast.contains("accelerometer.vibration = \"0.1 s\"") && fast.contains("gyro.scale_noise = \"0.1 %/sqrt(Hz)\""),
         "{fast}"
     );
-    // At most ±200 deg/s about each axis, 346 deg/s in all, and the bias; twice that, and more than the most about one.
+    // At most ±200 deg/s about each axis, 346 deg/s in total, plus the bias. The limit is twice that, and more than the
+    // maximum about one axis.
     let limit = fast.split("angular_rate = \"").nth(1).unwrap().split(' ').next().unwrap();
     assert!((400.0..720.0).contains(&limit.parse().unwrap()), "{limit}");
     let slow = turned(1.0);
@@ -55,7 +56,7 @@ fn gyros_that_turn_fast_are_noisier_and_jump_further() {
 
 #[test]
 fn a_barometer_that_wind_presses_is_as_noisy_as_it_moves_against_the_heights() {
-    // 30 Pa to and fro in ten seconds, from row to row little; the way climbs at half a metre a second, 6 Pa.
+    // ±30 Pa within ten seconds, with small steps from row to row; the path climbs at half a metre a second, 6 Pa.
     let noise_of = |swing: f64| {
         let pressure = move |t: f64| 1e5 - 6.0 * t + swing * (0.2 * core::f64::consts::PI * t).sin();
         let air = table(&[("t", &|t| t), ("pressure_pa", &pressure)], 3000, 10.0);
@@ -71,14 +72,15 @@ fn a_barometer_that_wind_presses_is_as_noisy_as_it_moves_against_the_heights() {
             .nth(1);
         sigma.unwrap().split(' ').next().unwrap().parse::<f64>().unwrap()
     };
-    // Half a period apart differ by 2 × 30 |sin|, half of the time by more than 42: 42 / √2 / 0.674 = 44.
+    // Rows half a period apart differ by 2 × 30 |sin|, half of the time by more than 42: 42 / √2 / 0.674 = 44.
     let pressed = noise_of(30.0);
     assert!((40.0..48.0).contains(&pressed), "{pressed}");
-    // 5 cm is left of the climb in five seconds, and 3 Pa is the least.
+    // 5 cm of the climb remain in five seconds, and 3 Pa is the minimum.
     assert!((noise_of(0.0) - 3.0).abs() < 0.1, "{}", noise_of(0.0));
 }
 
-/// An attitude reference and fixes, a row each `step` seconds and a fix each other one, once round a circle in `round` seconds.
+/// An attitude reference and fixes: a row every `step` seconds, a new fix in every second row, one circle in `round`
+/// seconds.
 fn glider(step: f64, round: f64) -> String {
     let angle = move |t: f64| core::f64::consts::TAU * t / round;
     let radius = 0.3 * round / core::f64::consts::TAU / 6.371e6_f64.to_radians();
@@ -117,7 +119,7 @@ fn what_nobody_measures_between_rare_fixes_lasts_as_the_fixes_tell() {
         .unwrap();
     assert!((drift.split(' ').next().unwrap().parse::<f64>().unwrap() / lasting - 0.5).abs() < 0.01);
     assert!((number("input.longest_interval = \"") / lasting - 0.2).abs() < 0.01);
-    // Fixes that come often tell what happens themselves.
+    // Frequent fixes show the motion themselves.
     let often = glider(1.0, 200.0);
     assert!(
         often.contains("velocity_time = \"20 s\"") && often.contains("longest_interval = \"5.0 s\""),
@@ -147,7 +149,7 @@ fn the_track_of_another_wanders_as_the_velocity_of_the_process_changes() {
         let after = design.split(key).nth(1).unwrap_or_else(|| panic!("{key}: {design}"));
         after.split(' ').next().unwrap().parse::<f64>().unwrap()
     };
-    // That of the velocity ahead, and that of a drift of 0.6 times its 1σ which lasts half as long.
+    // The wander of the velocity ahead, and of a drift with 0.6 times its 1σ and half its correlation time.
     let ahead = (2.0 / number("velocity_time = \"")).sqrt() * number("velocity_sigma = [\"");
     let drift = 0.6 * core::f64::consts::SQRT_2 * ahead;
     assert!((number("wander = \"") / ahead.hypot(drift) - 1.0).abs() < 0.05, "{design}");
@@ -157,7 +159,7 @@ fn the_track_of_another_wanders_as_the_velocity_of_the_process_changes() {
 fn withheld_velocities_have_the_error_of_their_scatter() {
     let mut fast = fixes(-1.0);
     fast.path = "gnss.csv".into();
-    // Five fixes a second: a part of them judges.
+    // Five fixes a second: some of them judge.
     fast.columns[0].values.iter_mut().for_each(|t| *t *= 0.2);
     let mut unit = unit();
     unit.path = "imu.csv".into();
@@ -190,7 +192,7 @@ fn withheld_velocities_have_the_error_of_their_scatter() {
         scatter > 1e-3 && (0.0..1.001e-3).contains(&(written - scatter)),
         "{written} {scatter}"
     );
-    // Where the file has no velocity, none is judged.
+    // If the file has no velocity, no velocity is judged.
     fast.columns.drain(4..7);
     let (_, without) = design(fast);
     assert!(!sigma(&without).split('}').next().unwrap().contains("velocity"), "{without}");

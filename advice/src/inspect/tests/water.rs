@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Ten minutes round in circles at 2 m/s, fixes with their velocity once a second, and what moves with `body` through water
-/// that runs by `c`.
+/// Ten minutes in circles at 2 m/s, with fixes and their velocity once a second, and a sensor with `body`. The water
+/// flows with `c`.
 fn circling(c: [f64; 2], body: Table) -> Inspection {
     let (radius, rate) = (2.0 / 0.03, 0.03);
     let north = move |t: f64| radius * (rate * t).sin() + c[0] * t;
@@ -73,7 +73,7 @@ fn a_log_of_three_axes_sees_the_water_if_a_current_explains_it() {
     let looked = circling([0.0, 0.0], three_axes("log.csv"));
     assert!(looked.is_over_ground(Kind::BodyVelocity), "{:?}", looked.water);
     assert!(!looked.design(Path::new("/")).unwrap().contains("current = {"));
-    // A way in one direction tells nothing, and a name decides: a Doppler log sees the ground.
+    // A path in one direction does not identify the current, so the name decides: a Doppler log measures over ground.
     for (file, is_water) in [("dvl.csv", false), ("log.csv", true)] {
         let mut shaken = unit();
         shaken.path = "imu.csv".into();

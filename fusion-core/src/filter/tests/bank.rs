@@ -113,9 +113,9 @@ fn without_doubt_a_bank_is_its_estimator_bit_for_bit() {
     }
 }
 
-/// How an outage of 460 s ends in which the vehicle drifts as its process says, and after which fixes
-/// 700 m beside it agree with each other and with its motion for 20 s: the verdicts of the true fixes
-/// that follow for `after` s, and the distance at the end. The most hypotheses there were, too.
+/// The end of an outage of 460 s in which the vehicle drifts as its process says. After it, fixes 700 m away agree
+/// with each other and with the motion for 20 s. Returns the verdicts of the true fixes that follow for `after` s,
+/// the distance at the end, and the largest number of hypotheses.
 fn after_an_outage(
     estimator: &mut dyn Estimator,
     gate: &mut dyn Gate,
@@ -161,10 +161,10 @@ fn a_false_track_after_an_outage_does_not_capture_the_bank() {
         let (mut alone, mut gate) = (alone, Nis::new(0.999, Recovery::default()));
         captured[1] += u32::from(after_an_outage(&mut alone, &mut gate, position, seed, AFTER).1 > 10.0);
     }
-    // The gate believes five fixes that agree, after a pause, and then refuses the true ones for 30 s.
+    // After a pause, the gate believes five fixes that agree, and then rejects the true fixes for 30 s.
     println!("{captured:?} {slowest}");
     assert!(captured[0] == 0 && captured[1] > 30, "{captured:?}");
-    // 20 s of fixes that agree are outweighed by as many, and some for what it costs to change one's mind.
+    // The true fixes need the same 20 s to outweigh the false fixes, and a few more for the cost of the switch.
     assert!(slowest <= 28, "the first true fix that counts is number {slowest}");
 }
 
@@ -189,8 +189,8 @@ fn an_estimate_that_is_wrong_beyond_its_covariance_is_found_again_by_true_fixes(
             found = Some(k - 20);
         }
     }
-    // What a false track must pay for going on and for being found pays for 1e-4 and for the velocity, which
-    // a lost estimate does not know either.
+    // A false track has to pay for continuing and for being found: 1e-4, and the velocity, which a lost estimate does
+    // not know either.
     let found = found.unwrap();
     assert!((12..=60).contains(&found), "{found} s");
     assert!((2..=20).contains(&most), "{most}");
@@ -255,7 +255,7 @@ fn of_twelve_headings_the_true_one_survives() {
             assert_eq!(bank.rivals().apart > 1.0, starts > 1, "{}", bank.rivals().apart);
             for (k, z) in (1..).zip(&z) {
                 bank.predict(second(k), &Input::held(&[])).unwrap();
-                // Another start may be shown, but a fix without a gate was never refused.
+                // Another start may be shown, but a fix without a gate is never rejected.
                 assert_eq!(offer(&mut bank, &mut Open, &Fix(position), z), Verdict::Accepted);
             }
             assert!(bank.rivals().apart < 0.02, "{}", bank.rivals().apart);
@@ -381,10 +381,10 @@ fn headings_that_are_possible_count_where_the_angle_is_a_number_in_radians() {
     assert!((bank.rivals().apart - expected).abs() < 0.01 * expected, "{}", bank.rivals().apart);
     assert_eq!((bank.rivals().count, bank.rivals().changed), (8, None));
     assert!((bank.rivals().probability - 0.125).abs() < 0.01, "{:?}", bank.rivals());
-    // Another one is shown, and the other way round to some is shorter.
+    // Another hypothesis is shown, and to some of the others the other way round is shorter.
     tell(&mut bank, 0, &Direct(offset), -3.0 * eighth, 100.0);
     assert!((offset.read(&bank.belief().x) + 3.0 * eighth).abs() < 0.01);
-    // The measurement says little: of the one that is furthest the weight falls by 5 %.
+    // The measurement has little weight: the weight of the furthest hypothesis falls by 5 %.
     assert!((bank.rivals().apart - expected).abs() < 0.02 * expected, "{}", bank.rivals().apart);
 }
 
@@ -392,7 +392,7 @@ fn headings_that_are_possible_count_where_the_angle_is_a_number_in_radians() {
 fn another_heading_that_is_shown_is_told_once_with_how_far_away_it_is() {
     let mut bank = all_round(|| vec![Box::new(Open)]);
     let (offset, eighth) = (pointing().1, core::f64::consts::FRAC_PI_4);
-    // The one that fits is three eighths of a turn from the first; the measurement hardly moves them.
+    // The heading that fits is three eighths of a turn from the first; the measurement hardly moves them.
     tell(&mut bank, 0, &Direct(offset), -3.0 * eighth, 100.0);
     let changed = bank.rivals().changed.unwrap();
     assert!((changed - 3.0 * eighth).abs() < 0.01, "{changed}");
@@ -431,7 +431,7 @@ fn what_is_left_out_with_another_measurement_leaves_the_weights_as_they_are() {
         assert_eq!(is_used, !refuses);
         let before = (bank.count(), bank.rivals().apart);
         for _ in 0..20 {
-            // Some know much better than others what to expect: S is from 1e-4 to 0.15.
+            // Some hypotheses predict the measurement much better than others: S is from 1e-4 to 0.15.
             tell(&mut bank, 1, &Sine(offset), 0.3, 1e-4);
         }
         // 1e-9: rounding of logarithms.

@@ -1,10 +1,10 @@
-//! Re-acquisition: what grows, by how much, and what is left as it was.
+//! Re-acquisition: which variances grow, by how much, and which stay as they were.
 
 use super::*;
 use crate::gate::Outcome;
 use crate::state::Position;
 
-/// Believes everything against the estimate.
+/// A gate that believes every measurement against the estimate.
 #[derive(Clone, Debug)]
 struct Credulous;
 crate::memory!(Credulous {});
@@ -181,7 +181,7 @@ fn a_bias_is_moved_by_less_than_its_sigma_and_the_motion_alone_grows() {
             panic!("{:?}", f.steps());
         };
         let [before, grown] = [prior, posterior].map(|b| DMatrix::from_row_slice(4, 4, &b.covariance.to_dense()));
-        // What is known of the bias, and every covariance, stays; the motion grows by one factor.
+        // The variance of the bias, and every covariance, stays; the motion grows by one factor.
         for (i, j) in [(3, 3), (0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
             assert_eq!(before[(i, j)], grown[(i, j)]);
         }
@@ -190,13 +190,13 @@ fn a_bias_is_moved_by_less_than_its_sigma_and_the_motion_alone_grows() {
         // A heading by no more than to a tenth of a radian; 1e-15: rounding.
         let heading = grown[(2, 2)].sqrt();
         assert!(heading <= 0.1 + 1e-15 && (value < 1e3 || heading > 0.0999), "{heading}");
-        assert!((position.read(&f.belief().x) - value).abs() < 0.1); // R = (0.1)² beside the grown P
+        assert!((position.read(&f.belief().x) - value).abs() < 0.1); // R = (0.1)² is small compared with the grown P
         let moved = bias.read(&f.belief().x).abs();
         assert!(moved > 0.0 && moved < sigma, "{moved} of {sigma}");
     }
 }
 
-/// What the next re-acquisition does to the variance of the bias: before, after its growth.
+/// The effect of the next re-acquisition on the variance of the bias: before, after its growth.
 fn growth_of_bias(f: &mut Filter, position: Slot<Scalar>) -> [f64; 2] {
     f.keep_steps(true);
     assert_eq!(reacquire(f, &Direct(position), 1e3), Verdict::Reacquired);
@@ -274,7 +274,7 @@ fn a_sensor_that_could_not_be_reacquired_is_offered_again_with_the_next_measurem
         let update = f.update(&observed, &mut gate, &[], &Quadratic);
         (update.verdict, update.mode)
     };
-    // A million sigma is beyond what P may grow by; a hundred is not.
+    // A million sigma is beyond the largest growth of P; a hundred is not.
     let first = (1..100).find(|k| offer(*k, 1e6).0 == Verdict::Unusable).unwrap();
     assert_eq!(first, 31);
     assert_eq!(offer(32, 1e6), (Verdict::Unusable, Mode::Denied));

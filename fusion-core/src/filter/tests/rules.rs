@@ -1,4 +1,4 @@
-//! The update rules against each other, and against what they approximate.
+//! The update rules compared with each other, and with the values that they approximate.
 
 use super::*;
 use crate::state::Quantity;
@@ -203,7 +203,7 @@ fn sigma_points_see_mean_and_variance_of_a_square() {
     near(residual[0], 2.0);
 }
 
-/// Track with a walk and a Gauss-Markov state beside it, a correlated belief.
+/// A track with two additional states, a walk and a Gauss-Markov state; a correlated belief.
 fn tracked(parts: Parts) -> (Filter, Slot<Scalar>) {
     let mut b = LayoutBuilder::new();
     let position = declare::<Scalar>(&mut b, "position", 1.0, &[2.0], Dynamics::Process);

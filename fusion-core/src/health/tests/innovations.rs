@@ -113,12 +113,12 @@ fn two_sensors_rejected_at_once_degrade_at_once() {
     bench.update(WHEELS, 11.0, Rejected, 100.0);
     bench.update(WHEELS, 11.1, Rejected, 100.0);
     assert_eq!(bench.reasons(), []);
-    // One of each comes by chance.
+    // A single rejection of each comes by chance.
     bench.update(SPEED, 11.2, Rejected, 100.0);
     assert_eq!(bench.reasons(), []);
     bench.update(SPEED, 11.3, Rejected, 100.0);
     assert_eq!(bench.reasons(), [rejected(POSITION), rejected(SPEED)]);
-    // Not by one that was rejected when it was last heard of, long ago.
+    // A sensor whose last measurement was rejected long ago does not count.
     let mut bench = Bench::new();
     for sensor in [POSITION, SPEED] {
         bench.updates(sensor, 1, 10, Accepted, 2.0);
@@ -141,7 +141,7 @@ fn a_filter_is_lost_when_all_that_comes_from_outside_has_been_rejected_for_long(
     let mut bench = Bench::new();
     bench.updates(POSITION, 1, 30, Rejected, 100.0);
     assert_eq!(bench.monitor.health().state, State::Degraded);
-    // What a stage makes of the input does not support it.
+    // A measurement that a stage derives from the input does not support it.
     bench.update(WHEELS, 30.5, Accepted, 2.0);
     bench.updates(POSITION, 31, 31, Rejected, 100.0);
     assert_eq!(bench.reasons(), [lost(POSITION)]);
@@ -166,7 +166,7 @@ fn a_filter_is_lost_when_all_that_comes_from_outside_has_been_rejected_for_long(
             lost: false
         }]
     );
-    // Two that contradict it for so long need no third.
+    // Two sensors that contradict it for so long need no third sensor.
     for t in 61..=92 {
         bench.update(SPEED, f64::from(t), Rejected, 100.0);
         bench.update(POSITION, f64::from(t), Rejected, 100.0);
@@ -176,7 +176,7 @@ fn a_filter_is_lost_when_all_that_comes_from_outside_has_been_rejected_for_long(
 
 #[test]
 fn what_a_sensor_said_is_old_when_it_has_been_silent_for_as_long_as_innovations_are_averaged() {
-    // The pseudo-measurement of a stage that has become silent; it is told for 5 s more.
+    // The pseudo-measurement of a stage that has become silent; the reason is reported for 5 s more.
     let mut bench = Bench::new();
     bench.updates(WHEELS, 1, 60, Accepted, 20.0);
     let told = Reason::Innovations {

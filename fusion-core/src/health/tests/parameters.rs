@@ -66,8 +66,8 @@ fn a_slow_error_many_of_its_stationary_sigmas_away_degrades() {
     }
 }
 
-/// A minute in good health, five seconds of rejected measurements, during which the bias moves by
-/// `pull`; the NIS of them says whether the covariance explains it. The bias walks by 0.01² a second, with a σ of 0.02.
+/// A minute in good health, then five seconds of rejected measurements, during which the bias moves by `pull`. Their
+/// NIS decides whether the covariance explains them. The bias walks by 0.01² a second, with a σ of 0.02.
 fn pulled(pull: f64, nis: f64) -> Bench {
     let mut bench = Bench::new();
     let block = bench.layout.blocks()[BIAS].clone();
@@ -81,17 +81,17 @@ fn pulled(pull: f64, nis: f64) -> Bench {
 #[test]
 fn a_parameter_that_was_pulled_away_is_told_until_it_is_learnt_anew() {
     let is_told = |bench: &Bench| bench.reasons().contains(&Reason::Pulled { block: BIAS });
-    // The rejections are told from 73 s on. Its value of 30 s is looked back at then, and it may have
-    // walked by 5 √(43 s · 0.01²/s) = 0.328.
+    // The rejections are reported from 73 s on. The test then looks back at the value of 30 s, which may have walked
+    // by 5 √(43 s · 0.01²/s) = 0.328.
     let mut bench = pulled(0.34, 100.0);
     assert!(is_told(&bench));
-    // The rejections are told until 80 s. From then on a second leaves 0.02²/(0.02² + 0.01²) = 0.8 of
-    // the pull: 0.34 · 0.8⁹ is beyond twice the σ, 0.34 · 0.8¹⁰ is not.
+    // The rejections are reported until 80 s. From then on a second leaves 0.02²/(0.02² + 0.01²) = 0.8 of the pull:
+    // 0.34 · 0.8⁹ is beyond twice the σ, 0.34 · 0.8¹⁰ is not.
     bench.updates(POSITION, 76, 89, Accepted, 3.0);
     assert_eq!(bench.reasons(), [Reason::Pulled { block: BIAS }]);
     bench.updates(POSITION, 90, 91, Accepted, 3.0);
     assert_eq!(bench.reasons(), []);
-    // What comes back is right at once.
+    // A parameter that comes back is right at once.
     let mut bench = pulled(-0.34, 100.0);
     assert!(is_told(&bench));
     bench.updates(POSITION, 76, 80, Accepted, 3.0);
@@ -122,12 +122,13 @@ fn jumped(jump: f64) -> Bench {
 #[test]
 fn a_parameter_that_moves_by_many_of_its_own_sigmas_is_told_though_no_sensor_disagrees() {
     let told = [Reason::Jumped { block: BIAS }];
-    // What was 30 s to 60 s ago is looked back at: it may have walked by 8 √(0.02² + 60 s · 0.01²/s) = 0.64 at most.
+    // The monitor looks back by 30 s to 60 s: the value may have walked by 8 √(0.02² + 60 s · 0.01²/s) = 0.64 at
+    // most.
     let mut bench = jumped(0.65);
     bench.updates(POSITION, 121, 122, Accepted, 3.0);
     assert_eq!(bench.reasons(), told);
     assert_eq!(bench.monitor.health().state, State::Degraded);
-    // It ends with what is looked back at.
+    // It ends when the value that the monitor looks back at has moved too.
     bench.updates(POSITION, 123, 200, Accepted, 3.0);
     assert_eq!(bench.reasons(), []);
     // 8 √(0.02² + 30 s · 0.01²/s) = 0.47 at least.

@@ -1,4 +1,4 @@
-//! Sensors that are silent, and what goes on without them.
+//! Silent sensors, and the health of a filter without them.
 
 use super::*;
 
@@ -11,7 +11,7 @@ fn a_sensor_that_falls_silent_degrades_after_thirty_of_its_own_periods() {
         }
     }
     let silent = |sensor| Reason::Silent { sensor, replaced: false };
-    // From 0.4 s on, for 5 s at least. What a stage emits may pause.
+    // From 0.4 s on, for 5 s at least. The output of a stage may pause.
     bench.estimate(5.35);
     assert_eq!(bench.reasons(), []);
     bench.estimate(5.45);
@@ -77,7 +77,7 @@ fn nothing_that_measures_position_or_velocity_for_half_a_minute_degrades() {
     assert_eq!(bench.reasons(), []);
     bench.estimate(30.1);
     assert_eq!(bench.reasons(), [Reason::Unaided]);
-    // By what a stage says as by what comes from outside; one direction of three is not enough.
+    // Rows of a stage count as rows from outside do; one direction of three is not enough.
     for (sensor, axes, is_aided) in [
         (SPEED, &[NORTH, EAST, DOWN][..], true),
         (WHEELS, &[EAST, DOWN], true),
@@ -92,7 +92,7 @@ fn nothing_that_measures_position_or_velocity_for_half_a_minute_degrades() {
         bench.estimate(70.1);
         assert_eq!(bench.reasons(), [Reason::Unaided]);
     }
-    // Of 101 m/s of noise one tells nothing of 0.1 m/s, of 99 it does.
+    // With 101 m/s of noise, a measurement gives no information about 0.1 m/s; with 99 m/s it does.
     for (innovation, is_aided) in [(99.0, true), (101.0, false)] {
         let mut bench = Bench::with(never_silent);
         bench.innovation = innovation;
@@ -100,7 +100,7 @@ fn nothing_that_measures_position_or_velocity_for_half_a_minute_degrades() {
         bench.updates(SPEED, 1, 40, Accepted, 3.0);
         assert_eq!(bench.reasons().is_empty(), is_aided, "{innovation}");
     }
-    // Three of its own periods are no matter.
+    // Three periods of the sensor are allowed.
     let mut bench = Bench::with(never_silent);
     bench.measures(SPEED, &[NORTH, EAST, DOWN]);
     for t in [20.0, 40.0, 60.0, 80.0] {
@@ -123,7 +123,7 @@ fn a_velocity_in_the_axes_of_a_vehicle_that_goes_on_by_itself_has_to_be_measured
         StateRole::Kinematic,
         Dynamics::Process,
     );
-    // A diver who swims: nobody knows how fast.
+    // A diver who swims at an unknown speed.
     let swims = Dynamics::GaussMarkov {
         sigma: vec![0.3; 3],
         tau: 20.0,

@@ -91,7 +91,7 @@ fn drive(silent: core::ops::Range<i64>) -> Rows {
     rows
 }
 
-/// Heading and its 1σ, and the same of the offset, after the rows.
+/// The heading and its 1σ, then the offset and its 1σ, after the rows.
 fn end(mut runner: Runner, rows: &Rows) -> [f64; 4] {
     feed(&mut runner, rows, &mut |_: &Event<'_>| {});
     runner.finish(&mut |_: &Event<'_>| {}).unwrap();

@@ -15,7 +15,7 @@ fn a_single_sample_of_any_size_is_no_input() {
             told.iter().any(|e| *e == "Discarded process 1.500000 s 150 Spike { column: 0 }"),
             "{told:?}"
         );
-        // The sample after it stands for both.
+        // The sample after it covers the time of both.
         assert!((runner.belief().x[1] - clean.x[1]).abs() < 1e-12);
     }
 }
@@ -56,13 +56,13 @@ fn two_samples_that_return_are_spikes_and_three_are_not() {
 
 #[test]
 fn shocks_that_come_again_and_again_are_soon_no_spikes() {
-    // One in ten samples: of the first few is known nothing, and what they were is learnt.
+    // One in ten samples is a shock: nothing is known about the first few, and their size is learnt.
     let mut rows = only_input(rows(4000, 0..0));
     rows.iter_mut().skip(100).step_by(10).for_each(|row| row.2 = 9.0);
     let refused = told(&mut runner(0.0), &rows);
     let refused: Vec<_> = refused.iter().filter(|e| e.contains("Spike")).collect();
     assert!((1..40).contains(&refused.len()), "{}", refused.len());
-    // A spike of another size is one still.
+    // A spike of another size is still a spike.
     rows[3005].2 = 1e6;
     let told = told(&mut runner(0.0), &rows);
     assert_eq!(told.iter().filter(|e| e.contains("Spike")).count(), refused.len() + 1);
@@ -103,7 +103,7 @@ fn an_instrument_that_freezes_is_no_input_and_one_that_is_always_constant_is() {
     let mut changing = only_input(rows(2000, 0..0));
     changing.iter_mut().enumerate().for_each(|(k, row)| row.2 = (k as f64 * 0.1).sin());
     assert_eq!(frozen(&changing), 0);
-    // 50 repetitions of sample 1000, of which the first ten may be chance.
+    // 50 repetitions of sample 1000; the first ten may be chance.
     (1001..1051).for_each(|k| changing[k].2 = changing[1000].2);
     assert_eq!(frozen(&changing), 40);
 }

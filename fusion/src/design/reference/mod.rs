@@ -1,4 +1,4 @@
-//! `[reference]`: what a run is scored against.
+//! `[reference]`: the reference data that a run is scored against.
 
 mod sigma;
 mod source;
@@ -17,7 +17,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use serde::de::{Deserializer, Error};
 
-/// What a run is scored against; never fused.
+/// The reference data that a run is scored against; never fused.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReferenceSpec {
@@ -27,13 +27,13 @@ pub struct ReferenceSpec {
     /// Errors and innovations count from this time on.
     #[serde(default)]
     pub from: Option<Duration>,
-    /// NEES counts from this time on, where that is later: after the start has settled.
+    /// NEES counts from this time on, if it is later: after the start has settled.
     #[serde(default)]
     pub nees_from: Option<Duration>,
-    /// Times that are scored apart from all others: stretches in which more is wrong than the filter is told.
+    /// Times that are scored separately: periods with more errors than the filter models.
     #[serde(default)]
     pub episodes: Option<Windows>,
-    /// The errors that a run stays within once it has converged; it is told which runs have, and how soon.
+    /// The errors that a run stays within once it has converged. The results show which runs converged, and how soon.
     #[serde(default, deserialize_with = "ConvergedSpec::with_a_limit")]
     pub converged: Option<ConvergedSpec>,
     /// How the trajectory as a whole is compared: absolute and relative errors (ATE, RPE).
@@ -47,17 +47,17 @@ pub struct ReferenceSpec {
     /// Of one source: the reference's point in body axes, from the body origin: position and velocity of the
     /// estimate are moved there.
     pub lever_arm: Option<Vec3Of<dim::Length>>,
-    /// Of one source: height of the water's surface above the ellipsoid, where it has a `depth`.
+    /// For one source: height of the water's surface above the ellipsoid, if it has a `depth`.
     pub surface: Option<Quantity<dim::Length>>,
-    /// Of one source: 1σ of the reference's own errors, which NEES and the share inside 3σ add to that of the
+    /// For one source: 1σ of the reference's own errors, which NEES and the share inside 3σ add to that of the
     /// filter; exact without it.
     pub sigma: Option<SigmaSpec>,
     /// Of one source: derives a missing reference velocity from its positions.
     pub velocity_from_position: Option<DifferentiateSpec>,
 }
 
-/// What of the reference of `other` is not as in that of `first`, as it is written: `lever_arm = [1, 0, 0] instead of
-/// [0, 0, 0]`. Errors against the two do not compare.
+/// The differences of the reference of `other` from that of `first`, as they are written: `lever_arm = [1, 0, 0]
+/// instead of [0, 0, 0]`. Errors against different references are not comparable.
 #[must_use]
 pub fn differences(first: &Design, other: &Design) -> Vec<String> {
     let keys = |design: &Design| -> Vec<(String, String)> {
@@ -82,8 +82,8 @@ pub fn differences(first: &Design, other: &Design) -> Vec<String> {
 }
 
 /// The source of a sensor whose positions the reference reads too, if there is one, and whether some of the rows are the same.
-/// Other rows of one instrument judge the filter, but for an error that lasts longer than from row to row and is in both;
-/// the same rows judge nothing.
+/// Other rows of the same instrument can judge the filter, except for an error that lasts over several rows and is in
+/// both. The same rows cannot judge it.
 #[must_use]
 pub fn of_a_sensor(design: &Design) -> Option<(&str, bool)> {
     let node = |name: &str| design.sources.iter().find(|s| s.name == name).map(|s| &s.node);
@@ -107,7 +107,7 @@ pub fn of_a_sensor(design: &Design) -> Option<(&str, bool)> {
 }
 
 impl ReferenceSpec {
-    /// The table, and what no field can say by itself.
+    /// Reads the table, and checks the relations between its fields.
     pub(super) fn read(node: &Node, d: &mut Diagnostics) -> Option<Self> {
         let spec: Self = node.read(d)?;
         if spec.source.is_one() {
@@ -125,7 +125,7 @@ impl ReferenceSpec {
         Some(spec)
     }
 
-    /// The sources, each with its name and what is declared of it.
+    /// The sources, each with its name and its declaration.
     #[must_use]
     pub fn sources(&self) -> Vec<(&str, ReferencePart)> {
         match &self.source {
@@ -143,7 +143,7 @@ impl ReferenceSpec {
         }
     }
 
-    /// The reference's point in body axes \[m\], where it has a position.
+    /// The reference's point in body axes \[m\], if it has a position.
     #[must_use]
     pub fn point(&self) -> [f64; 3] {
         let parts = self.sources();
@@ -165,12 +165,12 @@ impl ReferenceSpec {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrajectorySpec {
-    /// What is taken out of the absolute error that is shown: `none`, `yaw` with the position, or `se3`, any turn
+    /// The alignment before the absolute error is shown: `none`, `yaw` with the position, or `se3`, any rotation
     /// and the position. `yaw` by default; summary.json has all three.
     #[serde(default)]
     pub align: Alignment,
-    /// Distances along the way over which relative errors are told; by default the two largest powers of ten \[m\]
-    /// that the way holds five times.
+    /// Distances along the path for the relative errors. By default the two largest powers of ten \[m\] that fit five
+    /// times into the path.
     #[serde(default)]
     pub distances: Vec<Positive<dim::Length>>,
     /// Pairs of poses that are compared over them: `consecutive`, or `all`, which overlap.
@@ -185,11 +185,11 @@ pub struct TrajectorySpec {
 pub struct ConvergedSpec {
     /// From this time on the errors must stay within the limits to the end of the run; without it, at the end.
     pub by: Option<Duration>,
-    /// Of the length of the position error.
+    /// The limit of the length of the position error.
     pub position: Option<Positive<dim::Length>>,
-    /// Of the length of the velocity error.
+    /// The limit of the length of the velocity error.
     pub velocity: Option<Positive<dim::Speed>>,
-    /// Of the heading error, the turn about the vertical between the two attitudes.
+    /// The limit of the heading error, the rotation about the vertical between the two attitudes.
     pub heading: Option<Positive<dim::Angle>>,
 }
 

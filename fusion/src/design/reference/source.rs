@@ -1,4 +1,4 @@
-//! The sources of a reference, and what of each counts.
+//! The sources of a reference, and the channels of each that count.
 
 use super::sigma::SigmaSpec;
 use core::fmt;
@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde::de::{Deserializer, Error, MapAccess, Visitor};
 use std::borrow::Cow;
 
-/// What a run can be scored against.
+/// The quantities that a run can be scored against.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ReferenceChannel {
@@ -51,7 +51,7 @@ impl ReferenceChannel {
     }
 }
 
-/// What of a source counts, and where and how exact it is.
+/// The channels of a source that count, and their lever arm and accuracy.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReferencePart {
@@ -61,7 +61,7 @@ pub struct ReferencePart {
     /// there.
     #[serde(default)]
     pub lever_arm: Vec3Of<dim::Length>,
-    /// Height of the water's surface above the ellipsoid, where it has a `depth`; 0 without it.
+    /// Height of the water's surface above the ellipsoid, if it has a `depth`; 0 by default.
     pub surface: Option<Quantity<dim::Length>>,
     /// 1σ of the reference's own errors, which NEES and the share inside 3σ add to that of the filter; exact
     /// without it.
@@ -92,7 +92,7 @@ pub struct DifferentiateSpec {
 /// One source, or several, each with its table.
 #[derive(Clone, Debug)]
 pub enum ReferenceSources {
-    /// Its name; what is declared of it stands beside.
+    /// Its name; its other fields are next to it in the same table.
     One(String),
     /// Each by its name.
     Each(Vec<(String, ReferencePart)>),

@@ -1,14 +1,14 @@
 //! Choices that lead to the value that is wrong.
 //!
-//! Of `anyOf` and `oneOf` a validator can only say that nothing fits. So each choice is put behind a
-//! condition: the `type` of a block, or the type of the JSON value. Where no block is of that `type`
-//! the known ones are listed.
+//! For `anyOf` and `oneOf`, a validator can only say that nothing fits. So each choice is put behind a
+//! condition: the `type` of a block, or the type of the JSON value. If no block has this `type`, the
+//! known types are listed.
 //!
-//! A table with a key that there is not is wrong as a whole by `additionalProperties: false`, and marked
-//! so; here no value is allowed under such a key, so that the key alone is marked.
+//! With `additionalProperties: false`, an unknown key makes the whole table wrong, and an editor marks the
+//! whole table. Here no value is allowed under an unknown key, so that the editor marks only the key.
 //!
-//! The editors that complete TOML look into `anyOf`, but not behind conditions: the choices stay there
-//! as hints, beside one that everything fits.
+//! The editors that complete TOML look into `anyOf`, but not behind conditions. So the choices stay in
+//! `anyOf` as hints, with one more choice that accepts every value.
 
 use super::{DEFS, REF};
 use serde_json::{Map, Value, json};
@@ -74,7 +74,7 @@ fn replace(object: &mut Map<String, Value>, key: &str, choices: &[Value], defs: 
     object.insert("anyOf".to_owned(), json!(hints));
 }
 
-/// What must hold of a value of one JSON type.
+/// Adds the conditions for a value of one JSON type.
 fn behind(json_type: &str, fitting: &[&Value], defs: &Value, conditions: &mut Vec<Value>) {
     let holds = |then: Value| json!({ "if": { "type": json_type }, "then": then });
     if let [one] = fitting {
@@ -148,7 +148,7 @@ pub(super) fn resolved<'a>(schema: &'a Value, defs: &'a Value) -> &'a Value {
     name.and_then(|name| defs.get(name)).unwrap_or(schema)
 }
 
-/// The JSON types that a schema accepts; `None` where it does not say.
+/// The JSON types that a schema accepts; `None` if it does not declare them.
 fn types(schema: &Value) -> Option<Vec<&str>> {
     match &schema["type"] {
         Value::String(one) => Some(vec![one]),

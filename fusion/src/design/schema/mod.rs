@@ -1,10 +1,10 @@
 //! The JSON Schema of a whole design, for editors that complete and check TOML.
 //!
 //! Every registered block is one definition, `role.name`, with its `type` as a constant; a table
-//! that takes any block of a role refers to the definition `role`, which asks for the one of that `type`.
+//! that takes any block of a role refers to the definition `role`, which selects the block by its `type`.
 //!
-//! A design that includes parts may leave to them what a block requires: of such a one only the names
-//! of its tables are checked.
+//! In a design that includes parts, the parts may contain the required fields of a block. So in such a design
+//! only the names of its tables are checked.
 //!
 //! Not here  units and ranges beyond what JSON Schema can say: those are checked on reading
 
@@ -120,7 +120,7 @@ pub(super) fn whole() -> Whole {
     }))
 }
 
-/// The schema of one block's own fields, its definitions beside it.
+/// The schema of one block's own fields, with its definitions.
 #[must_use]
 pub fn block(block: &Registration) -> Value {
     let mut schema = (block.schema)().to_value();
@@ -183,14 +183,14 @@ impl Builder {
         schema
     }
 
-    /// Says what a field of a definition is.
+    /// Sets the description of a field of a definition.
     fn set(&mut self, definition: &str, field: &str, schema: &Value) {
         if let Some(definition) = self.defs.get_mut(definition) {
             property(definition, field, schema.clone());
         }
     }
 
-    /// What stands beside the fields of a block and is read by others.
+    /// Adds the fields in the table of a block that the block itself does not read.
     fn add_siblings(&mut self) {
         let noise = self.of::<NoiseSpec>("noise");
         let input = self.of::<InputSpec>("input");
@@ -235,7 +235,7 @@ impl Builder {
         }
     }
 
-    /// Any block of a role; by its name alone where it needs no field.
+    /// Any block of a role. A block without required fields may also be given by its name alone.
     fn any(&mut self, role: Role, description: &str) -> Value {
         let mut choices = blocks(role);
         let needs_nothing = |name: &&str| {
@@ -276,7 +276,7 @@ impl Builder {
             }
         }
         for (field, role) in [("vehicle", Role::Vehicle), ("control", Role::Control)] {
-            // A single block stands there without a choice.
+            // The derived schema has no choice of types for a single block.
             if let Some(field) = properties.get_mut(field) {
                 let description = field["description"].take();
                 *field = self.table(role);
@@ -306,7 +306,7 @@ impl Builder {
     }
 }
 
-/// Parameters of a simulated sensor; which there are goes with the sensor of its name.
+/// Parameters of a simulated sensor; the sensor of the same name determines which exist.
 fn truth() -> Value {
     let description = "Parameters of the sensor that are truly others than the filter believes, and `time_offset`, each a fixed value; of \
                        one that is estimated the true value in place of a draw.";
@@ -361,7 +361,7 @@ fn rename(schema: &mut Value, prefix: &str) {
     }
 }
 
-/// Takes out `null`, which TOML does not have: an optional field is one that may be left out.
+/// Removes `null`, which TOML does not have: an optional field is a field that may be left out.
 fn strip_null(schema: &mut Value) {
     match schema {
         Value::Object(object) => {
@@ -380,7 +380,7 @@ fn strip_null(schema: &mut Value) {
                 if let [Value::Object(one)] = &any[..] {
                     let one = one.clone();
                     object.remove("anyOf");
-                    // What is said of the field wins over what is said of its type.
+                    // The description of the field wins over the description of its type.
                     one.into_iter().for_each(|(key, value)| {
                         object.entry(key).or_insert(value);
                     });

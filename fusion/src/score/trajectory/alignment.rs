@@ -1,4 +1,4 @@
-//! The motion that brings an estimated trajectory nearest to that of the reference.
+//! The rigid motion that brings an estimated trajectory closest to the reference.
 
 use super::{Pose, PosePair};
 use core::fmt;
@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What of a constant difference between two trajectories is taken out before they are compared.
+/// The constant difference between two trajectories that is removed before they are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Alignment {
@@ -30,7 +30,7 @@ impl fmt::Display for Alignment {
     }
 }
 
-/// A motion of a rigid body: x ↦ R x + t.
+/// A rigid motion: x ↦ R x + t.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
     rotation: UnitQuaternion<f64>,
@@ -53,11 +53,11 @@ impl Motion {
 impl Alignment {
     pub(super) const ALL: [Self; 3] = [Self::None, Self::Yaw, Self::Se3];
 
-    /// The motion of the estimate with the least sum of squared distances; none where the positions do not
-    /// determine it: a single point, for `Se3` a line.
+    /// The motion of the estimate with the least sum of squared distances; `None` if the positions do not determine it.
+    /// This is the case for a single point and, for `Se3`, for a line.
     ///
-    /// With C = Σ (q_k − q̄)(p_k − p̄)ᵀ: yaw by tan ψ = (C₁₀ − C₀₁)/(C₀₀ + C₁₁); R = U diag(1, 1, ±1) Vᵀ of
-    /// C = U D Vᵀ, the sign that of det U det V (Umeyama 1991, eqs. 38 to 43, without scale).
+    /// With C = Σ (q_k − q̄)(p_k − p̄)ᵀ: yaw by tan ψ = (C₁₀ − C₀₁)/(C₀₀ + C₁₁); R = U diag(1, 1, ±1) Vᵀ of C = U D Vᵀ,
+    /// with the sign of det U det V (Umeyama 1991, eqs. 38 to 43, without scale).
     pub(super) fn of(self, pairs: &[PosePair]) -> Option<Motion> {
         let n = pairs.len() as f64;
         let mean = |of: fn(&PosePair) -> &Pose| pairs.iter().map(|pair| of(pair).position).sum::<Vector3<f64>>() / n;
@@ -84,8 +84,8 @@ impl Alignment {
     }
 }
 
-/// The rotation of the covariance `c` of two sets of points; none where fewer than two of its singular values
-/// are above the rounding of 1 m², as evo has it.
+/// The rotation from the covariance `c` of two sets of points. As in evo, it is `None` if fewer than two of its
+/// singular values are above the rounding of 1 m².
 fn umeyama(c: &Matrix3<f64>) -> Option<UnitQuaternion<f64>> {
     if c.iter().any(|v| !v.is_finite()) {
         return None;

@@ -6,8 +6,8 @@
 //! RPE   over pairs (i, j) a distance apart on the way of the estimate: E = (Q_i⁻¹ Q_j)⁻¹ (P_i⁻¹ P_j),
 //!       errors |trans E| \[m\] and ∠E; of positions alone |S (p_j − p_i) − (q_j − q_i)|, S without its translation
 //!
-//! With attitudes E is the same in whatever axes either trajectory is given. Displacements alone are not: they are compared
-//! after the alignment that is shown.
+//! With attitudes, E does not depend on the axes of either trajectory. Displacements alone do: they are compared after
+//! the displayed alignment.
 //!
 //! Axes     north-east-down, tangent to the Earth at the first position of the reference
 //! Kept     every pose up to 2^16, then every second, fourth, …
@@ -34,18 +34,19 @@ use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use relative::steps;
 use serde::Serialize;
 
-/// Without declared distances: the largest powers of ten that the way holds as often, and how many of them.
+/// Without declared distances: the largest powers of ten that fit this often into the path, and how many of them are
+/// used.
 const OFTEN: f64 = 5.0;
 const DISTANCES: usize = 2;
 
-/// How trajectories are compared.
+/// The rules for comparing trajectories.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrajectoryRules {
-    /// The alignment whose error is shown; all are in the score.
+    /// The displayed alignment; the score contains all of them.
     pub align: Alignment,
-    /// Distances of the relative errors \[m\]; chosen by the length of the way where there is none.
+    /// Distances of the relative errors \[m\]; if empty, the length of the path decides.
     pub distances: Vec<f64>,
-    /// Which pairs of poses are compared.
+    /// The pairs of poses to compare.
     pub pairs: Pairs,
 }
 
@@ -54,24 +55,24 @@ pub struct TrajectoryRules {
 pub struct Trajectory {
     /// Poses compared.
     pub poses: usize,
-    /// Those of them with an attitude: rotations are judged by them, and relative errors too if there is any.
+    /// The poses with an attitude. They give the rotations, and also the relative errors if there are any.
     pub attitudes: usize,
-    /// Whether the reference has no height: the height of the estimate is taken for both.
+    /// True if the reference has no height: then the height of the estimate is used for both.
     pub horizontal: bool,
-    /// Length of the way of the reference \[m\].
+    /// Length of the path of the reference \[m\].
     pub length: f64,
-    /// The alignment that is shown.
+    /// The displayed alignment.
     pub shown: Alignment,
-    /// For every alignment that the positions determine.
+    /// For each alignment that the positions determine.
     pub absolute: Vec<AbsoluteError>,
-    /// For every distance that is on the way.
+    /// For each distance that fits into the path.
     pub relative: Vec<RelativeError>,
 }
 
 /// Absolute trajectory error after an alignment.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AbsoluteError {
-    /// What was aligned.
+    /// The alignment used.
     pub align: Alignment,
     /// Length of the position error \[m\].
     pub position: Statistics,
@@ -95,7 +96,7 @@ pub struct RelativeError {
 pub struct Pose {
     /// Position, north east down \[m\].
     pub position: Vector3<f64>,
-    /// From body to these axes; none where the reference has none.
+    /// From body to these axes; `None` if the reference has none.
     pub attitude: Option<UnitQuaternion<f64>>,
 }
 
@@ -104,13 +105,13 @@ pub struct Pose {
 pub struct PosePair {
     /// The instant.
     pub time: Time,
-    /// Of the reference's point and, but for a mounting, of its body.
+    /// The pose of the reference's point and of its body, apart from a mounting.
     pub estimate: Pose,
     /// The reference.
     pub reference: Pose,
 }
 
-/// What was known at an instant, of the estimate and of the reference.
+/// The known positions and attitudes of estimate and reference at an instant.
 #[derive(Clone, Copy, Debug, Default)]
 struct Instant {
     time: Time,
@@ -118,10 +119,10 @@ struct Instant {
     attitudes: Option<[UnitQuaternion<f64>; 2]>,
 }
 
-/// Collects poses as a run goes.
+/// Collects poses during a run.
 #[derive(Clone, Debug, Default)]
 pub struct Poses {
-    /// Several epochs of one time are one pose: position and attitude may be of different references.
+    /// Several epochs of the same time make one pose: position and attitude may come from different references.
     last: Instant,
     kept: Thinned<Instant>,
     horizontal: bool,
@@ -183,7 +184,7 @@ impl Poses {
         rows.iter().filter_map(of).collect()
     }
 
-    /// The errors of the trajectory; none of fewer than two poses.
+    /// The errors of the trajectory; `None` for fewer than two poses.
     #[must_use]
     pub fn finish(mut self, rules: &TrajectoryRules, mounting: &UnitQuaternion<f64>) -> Option<Trajectory> {
         let pairs = self.pairs(mounting);
@@ -192,7 +193,7 @@ impl Poses {
 }
 
 impl Trajectory {
-    /// Of poses in order of time; `horizontal` where those of the reference have the heights of the estimate.
+    /// For poses in order of time; `horizontal` if the reference poses have the heights of the estimate.
     #[must_use]
     pub fn of(pairs: &[PosePair], rules: &TrajectoryRules, horizontal: bool) -> Self {
         let length = steps(pairs, |pair| &pair.reference).iter().sum();
@@ -222,7 +223,7 @@ impl Trajectory {
     }
 }
 
-/// The largest powers of ten \[m\] that a way of this length holds often enough, in order.
+/// The largest powers of ten \[m\] that fit often enough into a path of this length, in order.
 fn usual_distances(length: f64) -> Vec<f64> {
     let powers = [1.0, 10.0, 100.0, 1e3, 1e4, 1e5];
     let held: Vec<f64> = powers.into_iter().filter(|power| OFTEN * power <= length).collect();
@@ -242,7 +243,7 @@ fn degrees(q: &UnitQuaternion<f64>) -> f64 {
 }
 
 impl AbsoluteError {
-    /// None where the positions do not determine the alignment.
+    /// `None` if the positions do not determine the alignment.
     fn of(pairs: &[PosePair], align: Alignment) -> Option<Self> {
         let motion = align.of(pairs)?;
         let distance = |pair: &PosePair| (pair.estimate.position - pair.reference.position).norm();
@@ -257,7 +258,7 @@ impl AbsoluteError {
 }
 
 impl RelativeError {
-    /// None where no two poses are so far apart.
+    /// `None` if no two poses are this far apart.
     fn of(pairs: &[PosePair], distance: f64, which: Pairs) -> Option<Self> {
         let chosen = which.apart(&steps(pairs, |pair| &pair.estimate), distance);
         let errors = chosen.iter().map(|[from, to]| relative::error(&pairs[*from], &pairs[*to]));

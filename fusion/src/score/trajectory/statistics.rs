@@ -1,21 +1,21 @@
-//! Statistics of errors that are not negative.
+//! Statistics of non-negative errors.
 
 use serde::Serialize;
 
 /// Statistics of errors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Statistics {
-    /// How many.
+    /// The number of errors.
     pub count: usize,
     /// Root mean square.
     pub rmse: f64,
     /// Mean.
     pub mean: f64,
-    /// Median: the middle one, or the mean of the two in the middle.
+    /// Median: the middle value, or the mean of the two middle values.
     pub median: f64,
-    /// What 95 % of them do not exceed.
+    /// The 95 % quantile.
     pub p95: f64,
-    /// Standard deviation about the mean, divided by their number.
+    /// Standard deviation about the mean, with division by the count.
     pub std: f64,
     /// The smallest.
     pub min: f64,
@@ -24,7 +24,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// None without a value.
+    /// `None` without values.
     pub(super) fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.collect();
         values.sort_unstable_by(f64::total_cmp);

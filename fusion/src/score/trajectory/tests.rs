@@ -1,4 +1,4 @@
-//! Against figures of evo 1.38.1, computed by tests/suite/by_evo.py on the same trajectory.
+//! Compares with results of evo 1.38.1, computed by tests/suite/by_evo.py on the same trajectory.
 
 use super::*;
 
@@ -193,7 +193,7 @@ fn relative_errors_match_evo_over_consecutive_and_over_all_pairs() {
             ],
         ),
     ];
-    // The way has no 10 km.
+    // The path is shorter than 10 km.
     assert_eq!(found.len(), evo.len());
     for (found, (count, metres, degrees)) in found.iter().zip(evo) {
         assert_is(&found.position, count, metres);
@@ -226,18 +226,18 @@ fn relative_errors_do_not_depend_on_the_axes_of_the_reference() {
         };
         Trajectory::of(&pairs, &rules, false).relative[0].position.rmse
     };
-    // In body axes of each pose, as evo has it, whatever is aligned.
+    // In body axes of each pose, as in evo, for any alignment.
     for align in Alignment::ALL {
         let [as_it_is, turned] = [false, true].map(|is_turned| errors(align, is_turned, true));
         // 1e-12 m: rounding.
         assert!((turned - as_it_is).abs() < 1e-12, "{align}: {as_it_is} {turned}");
     }
-    // Displacements alone are those of the aligned trajectory.
+    // Displacements alone depend on the alignment.
     for align in [Alignment::Yaw, Alignment::Se3] {
         let [as_it_is, turned] = [false, true].map(|is_turned| errors(align, is_turned, false));
         assert!((turned - as_it_is).abs() < 1e-12 && turned < 1.0, "{align}: {as_it_is} {turned}");
     }
-    // Ten metres of way there, and ten back.
+    // A path of ten metres there and ten back.
     assert!(errors(Alignment::None, true, false) > 15.0);
 }
 
@@ -259,7 +259,7 @@ fn a_line_has_no_alignment_about_itself_and_a_point_none_about_the_vertical() {
     let aligned = |found: &Trajectory| found.absolute.iter().map(|a| a.align).collect::<Vec<_>>();
     let found = line(1.0);
     assert_eq!(aligned(&found), [Alignment::None, Alignment::Yaw]);
-    // 19 m hold one metre five times, and ten not.
+    // A path of 19 m contains one metre five times, but not ten metres.
     assert_eq!(found.relative.iter().map(|r| r.distance).collect::<Vec<_>>(), [1.0]);
     assert!(found.relative[0].rotation_deg.is_none() && found.attitudes == 0);
     assert_eq!(aligned(&line(0.0)), [Alignment::None]);
@@ -276,7 +276,7 @@ fn poses_are_cartesian_and_may_come_from_two_references() {
     let (mut poses, mut epochs) = (Poses::default(), Vec::new());
     for (k, place) in [origin, far].into_iter().enumerate() {
         let time = Time::from_seconds(k as f64);
-        // The attitude is of another reference, at the same time.
+        // The attitude comes from another reference, at the same time.
         let attitude = ReferenceEpoch {
             time,
             attitude: Some(q),
@@ -305,7 +305,7 @@ fn poses_are_cartesian_and_may_come_from_two_references() {
     }
     let pairs = poses.pairs(&UnitQuaternion::identity());
     assert_eq!(pairs.len(), 2);
-    // 1e-8 m: rounding of numbers of the size of the Earth; 40 km away the vertical is another.
+    // 1e-8 m: rounding of numbers of the size of the Earth; 40 km away the vertical is different.
     assert!((pairs[1].reference.position - Vector3::new(3000.0, 40_000.0, 100.0)).amax() < 1e-8);
     let turned = pairs[1].estimate.attitude.unwrap();
     assert!((40_000.0 / 6.38e6 - turned.angle_to(&q)).abs() < 3e-3 && pairs[1].rotation().is_some());

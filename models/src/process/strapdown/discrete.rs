@@ -9,10 +9,10 @@
 //!            δv⁺ = δv − C \[Γ₁fΔt ×\] δφ + C Γ₁Δt δf + C ∂(Γ₁f)/∂φ Δt² δw
 //!            δr⁺ = δr + δvΔt − C \[Γ₂fΔt² ×\] δφ + C Γ₂Δt² δf + C ∂(Γ₂f)/∂φ Δt³ δw.
 //!            Over the ellipsoid the chain rule through [`step`](super::mechanisation::step)
-//! Noise      of the series: the trapezoid. Exact: the integral over the step of what white noise on
-//!            rate and force does in the rest of it, as Van Loan's exponential gives for constant F; here
-//!            F turns with the body. Three nodes of Gauss, 4e-6 of it where the body turns by 15° in a step;
-//!            the Earth's terms, of 1e-4 Δt, are left out of it
+//! Noise      of the series: the trapezoid. Exact: the integral over the step of the effect of white noise on
+//!            rate and force in the rest of the step. Van Loan's exponential gives it for constant F; here
+//!            F turns with the body. Three Gauss nodes, with an error of 4e-6 if the body turns by 15° in a
+//!            step; the Earth's terms, of 1e-4 Δt, are neglected
 //! Source     Van Loan 1978; Hartley et al. 2020 (exact integration on SE₂(3))
 
 use super::error_model::{Blocks, ByPlace, Linear};
@@ -33,14 +33,14 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum Discretisation {
-    /// Φ = I + FΔt; of the attitude by itself the turn of the body, Exp(−ωΔt), for I − \[ωΔt ×\] makes
-    /// every attitude error larger, by ½|ωΔt|² in each step.
+    /// Φ = I + FΔt. For the attitude block alone, the exact turn of the body, Exp(−ωΔt): I − \[ωΔt ×\] would enlarge
+    /// every attitude error by ½|ωΔt|² in each step.
     #[default]
     FirstOrder,
     /// Φ = I + FΔt + ½F²Δt².
     SecondOrder,
-    /// Φ the derivative of the step itself, the turn of the body within it included; Q the integral of
-    /// the noise through it. What an invariant filter needs.
+    /// Φ is the derivative of the step itself, including the turn of the body in it; Q is the integral of the noise
+    /// through the step. An invariant filter needs this.
     Exact,
 }
 
@@ -57,7 +57,7 @@ impl From<Discretisation> for Order {
 type M = Matrix3<f64>;
 type V = Vector3<f64>;
 
-/// Exp(−φ), φ \[rad\], to its fourth order: off by |φ|⁵/120, 8e-8 where a body turns by 5.7° in a step.
+/// Exp(−φ), φ \[rad\], to fourth order. The error is |φ|⁵/120: 8e-8 for a body that turns by 5.7° in a step.
 #[inline(always)]
 fn turn_back(phi: &V) -> M {
     let y = phi.norm_squared();
@@ -94,8 +94,8 @@ impl<P> Clone for Slots<P> {
 
 impl<P> Copy for Slots<P> {}
 
-/// Φ in 3×3 blocks of position, velocity, attitude, `None` where one is that of the identity; the last
-/// two are the response to an error of specific force and of rate.
+/// Φ in 3×3 blocks of position, velocity, attitude, `None` for a block of the identity; the last two are the responses
+/// to an error of specific force and of rate.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Discrete {
     pub(crate) kinematic: [[Option<M>; 3]; 3],
@@ -104,7 +104,8 @@ pub(crate) struct Discrete {
 }
 
 impl<P: Tangent<3>> Slots<P> {
-    /// Writes Φ = I + FΔt over the ellipsoid, with the turn of the body by itself; returns the responses to an error of force and of rate.
+    /// Writes Φ = I + FΔt over the ellipsoid, with the exact turn for the attitude block. Returns the responses to an
+    /// error of force and of rate.
     #[inline(always)]
     pub(crate) fn write_first_order(&self, f: &Linear<'_>, dt: f64, out: &mut Transition) -> [[Option<M>; 3]; 2] {
         let (one, r, v, a) = (M::identity(), self.position, self.velocity, self.attitude);
@@ -116,11 +117,11 @@ impl<P: Tangent<3>> Slots<P> {
         out.set(a, r, &(f.ar() * dt));
         out.set(a, v, &(f.av() * dt));
         out.set(a, a, &turn_back(&(f.w_ib_b * dt)));
-        // Errors of force and rate drive velocity and attitude with the sign of +f and +w.
+        // Errors of force and rate act on velocity and attitude with the sign of +f and +w.
         [[None, Some(f.v_force() * dt), None], [None, None, Some(one * dt)]]
     }
 
-    /// Writes what of `phi` is of the three blocks themselves.
+    /// Writes the blocks of `phi` between position, velocity and attitude.
     pub(crate) fn write(&self, phi: &Discrete, out: &mut Transition) {
         let [r, v, a] = &phi.kinematic;
         self.write_row(self.position, r, out);
@@ -141,8 +142,8 @@ impl<P: Tangent<3>> Slots<P> {
         }
     }
 
-    /// Writes the response of the three blocks to an error of `of`, which has `effect`, per axis, on the
-    /// force or rate that `column` is the response to.
+    /// Writes the response of the three blocks to an error of the state `of`. `effect` is its effect, per axis, on the
+    /// force or rate to which `column` is the response.
     #[inline(always)]
     pub(crate) fn write_column<B: Tangent<3>>(&self, of: Slot<B>, [r, v, a]: &[Option<M>; 3], effect: &V, out: &mut Transition) {
         if let Some(block) = r {
@@ -159,7 +160,7 @@ impl<P: Tangent<3>> Slots<P> {
     /// Writes Q of white noise on rate and force, of these densities per axis, by the trapezoid.
     #[inline]
     pub(crate) fn write_trapezoid(&self, c_nb: &M, gyro: &V, accel: &V, dt: f64, out: &mut Transition) {
-        // Noise alike on all axes is the same in every frame.
+        // Equal noise on all axes is the same in every frame.
         if accel.x == accel.y && accel.y == accel.z {
             out.noise_trapezoid_of_axes(self.velocity, &(accel * dt));
         } else {
@@ -174,7 +175,7 @@ impl<P: Tangent<3>> Slots<P> {
         let (gyro, accel) = (M::from_diagonal(gyro), M::from_diagonal(accel));
         let [mut rr, mut rv, mut ra, mut vv, mut va, mut aa] = [M::zeros(); 6];
         for (node, weight) in GAUSS {
-            // Noise that acts when `rest` seconds of the step are left.
+            // Noise that acts when `rest` seconds of the step remain.
             let (rest, share) = (node * dt, weight * dt);
             let c = c_nb * gamma(0, &(w * (dt - rest)));
             let phi = w * rest;
@@ -229,7 +230,7 @@ pub(crate) fn second_order(b: &Blocks, dt: f64) -> Discrete {
     }
 }
 
-/// What the turn of the body by φ = wΔt makes of its force, and how that changes.
+/// The velocity and position increments of a force that turns with the body by φ = wΔt, and their derivatives.
 struct Turned {
     /// Γ₀ᵀ.
     back: M,
@@ -380,8 +381,8 @@ pub(crate) fn over_ellipsoid(nav: &Nav, (w, f): (&V, &V), dt: f64, gravity: Grav
     }
 }
 
-/// The derivative of the place at the end of a step, in metres there: latitude and longitude change by
-/// what is `travelled` \[m\] over the radii of `middle`, height by what is travelled down.
+/// The derivative of the position at the end of a step, in metres there. Latitude and longitude change by `travelled`
+/// \[m\] over the radii of `middle`, height by the down part of `travelled`.
 fn place_after(nav: &Nav, middle: &fusion_core::geometry::wgs84::Geodetic, travelled: &V, by_travelled: &By, by_middle: &By) -> By {
     let (start, earth, slopes) = (LocalEarth::at(&nav.position), LocalEarth::at(middle), radii_derivative(middle.lat));
     let (rm, rn_cos) = (earth.meridian, earth.normal * earth.cos_lat);
@@ -391,7 +392,7 @@ fn place_after(nav: &Nav, middle: &fusion_core::geometry::wgs84::Geodetic, trave
         height: nav.position.height - travelled.z,
     };
     let (north, east) = end.metres_per_radian();
-    // The radii of mid-step change with its place: by metres north there, and down.
+    // The radii of mid-step change with its position: by metres north there, and down.
     let rm_by_place = (slopes.meridian / rm, -1.0);
     let rn_cos_by_place = ((slopes.normal * earth.cos_lat - earth.normal * earth.sin_lat) / rm, -earth.cos_lat);
     let (lat, lon) = (-travelled.x / (rm * rm), -travelled.y / (rn_cos * rn_cos));

@@ -14,7 +14,7 @@
 //! δφ̇_b  = ar δr + av δv + aa δφ_b + a_gyro δb_g       aa = −[w_ib_b ×],  a_gyro = −I
 //! ```
 //!
-//! White noise of accelerometers and gyros enters where their biases do.
+//! White noise of accelerometers and gyros enters like their biases.
 //!
 //! Position   `δr = D δp` gives `δṙ = (D F_pp D⁻¹ + Ḋ D⁻¹) δr + D F_pv δv`, and `D F_pv = I`.
 //!            `Ḋ D⁻¹` is the chart moving along with the estimate: `(−vD + R'_M φ̇)/(RM+h)`
@@ -24,7 +24,7 @@
 //! Attitude   `δφ̇_b = δw_nb_b − [w_nb_b×] δφ_b` and
 //!            `δw_nb_b = −δb_g − [C_nbᵀ w_in ×] δφ_b − C_nbᵀ δw_in`, whose two cross products
 //!            add up to `[w_ib_b ×]`
-//! Kept       the change of both radii with latitude, and gravity's with latitude and height,
+//! Kept       the change of both radii with latitude, and gravity's change with latitude and height,
 //!            which printed error models freeze or round; so the blocks are the exact
 //!            derivative of the mechanisation
 //! Source     derived as above; equals Titterton and Weston 2004, eqs. 12.19-12.28, and the
@@ -69,7 +69,7 @@ pub struct Blocks {
 pub(crate) struct ByPlace {
     /// ∂w_ie_n/∂north; it does not change with height.
     earth_rate: Vector3<f64>,
-    /// ∂w_en_n/∂north and ∂w_en_n/∂down for a velocity that stays.
+    /// ∂w_en_n/∂north and ∂w_en_n/∂down for a constant velocity.
     transport_rate: [Vector3<f64>; 2],
 }
 
@@ -123,15 +123,15 @@ pub fn continuous(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, gravi
     continuous_at(&Start::of(nav), w_ib_b, f_ib_b, gravity)
 }
 
-/// The same where a step begins.
+/// F at the start of a step.
 #[inline]
 #[must_use]
 pub(crate) fn continuous_at(start: &Start, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, gravity: Gravity) -> Blocks {
     Linear::at(start, w_ib_b, f_ib_b, gravity).blocks()
 }
 
-/// What the blocks of F are made of, so that each is computed where it is used: all of them at a time are
-/// more than the registers hold. Products by the zeros of a block are left out: the compiler has to keep them.
+/// The terms of the blocks of F, so that each block is computed only where it is used: all of them at once exceed the
+/// registers. Products by the zeros of a block are left out, because the compiler would have to keep them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Linear<'a> {
     start: &'a Start,
@@ -298,8 +298,8 @@ mod tests {
             derivative(truth.0, truth.1, truth.2, gravity),
             derivative(estimate.0, estimate.1, estimate.2, gravity),
         );
-        // Position: central difference in time of ⊟ along both tangents, so that the movement
-        // of the chart is in it. 10 s: truncation (v h/R)²/6 = 2e-8, rounding 3e-9 m/20 s.
+        // Position: central difference in time of ⊟ along both tangents, so that it includes the movement of the chart.
+        // 10 s: truncation (v h/R)²/6 = 2e-8, rounding 3e-9 m/20 s.
         let at = |nav: &Nav, rate: &V, t: f64| {
             let p = nav.position;
             Geodetic::new(p.lat + rate.x * t, p.lon + rate.y * t, p.height + rate.z * t)
@@ -387,7 +387,7 @@ mod tests {
         f
     }
 
-    /// The printed model's idea of the Earth: radii frozen, gravity falling as 2g/(R0 + h).
+    /// The Earth of the printed model: radii frozen, gravity falling as 2g/(R0 + h).
     fn printed_earth(nav: &Nav) -> (Radii, Gradient) {
         let p = &nav.position;
         let r = radii(p.lat);
@@ -546,7 +546,7 @@ mod tests {
         }
     }
 
-    /// A body at rest at the site, heading anywhere, with what perfect sensors read.
+    /// A body at rest at the site, with any heading, and the output of ideal sensors.
     fn at_rest(gravity: Gravity) -> (Nav, V, V) {
         let nav = Nav {
             position: Geodetic::new(36.098_277_778_f64.to_radians(), 2.26, 0.0),

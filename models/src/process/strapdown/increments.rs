@@ -1,4 +1,4 @@
-//! Coning and sculling: what the mean of a turning signal hides within one sample.
+//! Coning and sculling: the effects of a turning signal that the mean of one sample does not show.
 //!
 //! Two equivalent forms, body axes throughout:
 //!
@@ -10,11 +10,11 @@
 //! Increments   the classical rotation vector and velocity of a whole update interval from
 //!              one, two or three integrated samples Δθ \[rad\], Δv \[m/s\]
 //!
-//! Modes        *previous sample*: the neighbour is the sample before, every sample is
-//!              corrected as the later of its pair; usable in real time without delay.
-//!              *pairs*: samples 1 and 2 both get the correction of the pair (1, 2); needs
-//!              the second before the first is used, and leaves a sixteenth of the drift
-//! Valid        rates that are linear over the samples used; |Δθ| well below 1 rad
+//! Modes      *previous sample*: the neighbour is the sample before, every sample is
+//!            corrected as the later sample of its pair; usable in real time without delay.
+//!            *pairs*: samples 1 and 2 both get the correction of the pair (1, 2); needs
+//!            the second sample before the first is used, and leaves a sixteenth of the drift
+//! Valid      rates that are linear over the samples used; |Δθ| well below 1 rad
 //! Source       Savage, RTO-SET-116; Miller 1983 for three samples; drift under coning
 //!              motion from Titterton and Weston 2004, §11.3
 

@@ -34,7 +34,7 @@ pub struct Nav {
     pub q_nb: UnitQuaternion<f64>,
 }
 
-/// Where a step begins: what the step and its derivative both need, from one sine and cosine.
+/// The state at the start of a step: the common terms of the step and its derivative, from one sine and cosine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Start {
     pub(crate) nav: Nav,
@@ -91,14 +91,14 @@ pub fn derivative(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, gravi
 /// 5. `q⁺ = Exp(−ζ) ⊗ q ⊗ Exp(φ)`, brought back to unit length.
 ///
 /// Error per step O(dt³), over a fixed time O(dt²). Body rotation and the response to
-/// specific force alone are exact for constant inputs, whatever `dt`.
+/// specific force alone are exact for constant inputs and any `dt`.
 #[inline]
 #[must_use]
 pub fn step(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, dt: f64, gravity: Gravity) -> Nav {
     step_from(&Start::of(nav), w_ib_b, f_ib_b, dt, gravity)
 }
 
-/// The same of a step whose start is known already.
+/// The same, from the precomputed start of a step.
 #[inline]
 #[must_use]
 pub(crate) fn step_from(start: &Start, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, dt: f64, gravity: Gravity) -> Nav {
@@ -163,7 +163,7 @@ mod tests {
         }
     }
 
-    /// What perfect sensors read on a body at rest.
+    /// The output of ideal sensors on a body at rest.
     fn at_rest(nav: &Nav) -> (V, V) {
         let earth = LocalEarth::at(&nav.position);
         let g = V::new(0.0, 0.0, earth.gravity(G));
@@ -173,7 +173,7 @@ mod tests {
         )
     }
 
-    /// Runs at constant inputs, height held as a depth sensor would, calling `see(t, nav)`.
+    /// Runs at constant inputs with the height held, as a depth sensor would hold it, calling `see(t, nav)`.
     fn run_level(start: &Nav, (w, f): (V, V), dt: f64, steps: u32, mut see: impl FnMut(f64, &Nav)) {
         let mut nav = *start;
         for k in 1..=steps {
@@ -207,10 +207,10 @@ mod tests {
         run_level(&start, (w, f + V::new(MILLI_G, 0.0, 0.0)), 1.0, 3000, |_, nav| {
             farthest = farthest.max(nav.position.difference(&start.position).x);
         });
-        // The closed form is that of a sphere that stands still. Along the meridian RM is 0.219 % less
-        // than R0, and Foucault's turn of Ω sin φ T/2 = 6.2° takes (1 − cos 6.2°)/2 = 0.296 % away.
+        // The closed form is for a sphere that does not rotate. Along the meridian RM is 0.219 % less than R0.
+        // Foucault's turn of Ω sin φ T/2 = 6.2° takes away (1 − cos 6.2°)/2 = 0.296 %.
         let expected = 12_754.0 * (1.0 - 0.002_19) * (1.0 - 0.002_96);
-        // 1e-4: (Ω/ω_s)² of the latter, half a metre of digits.
+        // 1e-4: (Ω/ω_s)² of Foucault's turn, half a metre of digits.
         assert!((farthest / expected - 1.0).abs() < 1e-4, "{farthest} against {expected}");
     }
 

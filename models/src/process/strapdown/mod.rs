@@ -5,11 +5,11 @@
 //! States     `position` (geodetic), `velocity` v_eb_n, `attitude` q_nb; where estimated
 //!            `gyro_bias`, `accel_bias`, `gyro_scale`, `accel_scale`
 //! Signals    `angular_rate` w_ib_b \[rad/s\], `acceleration` dv_eb_n/dt \[m/s²\]
-//! Φ, Q       as `discrete.rs` says: I + FΔt, + ½F²Δt², F from [`error_model`], with the trapezoid of white
+//! Φ, Q       see `discrete.rs`: I + FΔt, + ½F²Δt², F from [`error_model`], with the trapezoid of white
 //!            accelerometer noise on velocity and gyro noise on attitude; or the derivative of the step
-//! Gaps       velocity and attitude stay, up to the vehicle's agility
-//! Slow input a sample of more than 0.2 s ([`LONGEST_STEP`]) is integrated in pieces, and Q gains what it
-//!            hides
+//! Gaps       velocity and attitude are kept, within the vehicle's agility
+//! Slow input a sample of more than 0.2 s ([`LONGEST_STEP`]) is integrated in pieces, and Q gains the effect of
+//!            the unknown motion in it
 //! Source     spec of the mechanisation: Savage 1998; Titterton and Weston 2004, ch. 12
 
 pub(crate) mod discrete;
@@ -90,7 +90,7 @@ pub struct StrapdownSpec {
     /// How Φ and Q of a step are computed; `exact` is not for the integrator `first_order`.
     #[serde(default)]
     discretisation: Discretisation,
-    /// Random walk of the position, north east down, beside what the noise of the sensors makes of it: 0, unless a
+    /// Random walk of the position, north east down, in addition to the effect of the sensors' noise: 0, unless a
     /// published Q has one.
     #[serde(default)]
     position_noise: Axes<dim::PositionRandomWalk, range::NonNegative>,
@@ -162,7 +162,7 @@ struct Strapdown {
     position_psd: Vector3<f64>,
     gravity: Gravity,
     agility: Agility,
-    /// By how much the numbers of a sample may change.
+    /// The largest changes of the numbers of a sample.
     changes: [f64; IMU],
 }
 
@@ -267,7 +267,7 @@ impl Strapdown {
         out.noise_trapezoid_of_axes(slots.position, &(self.position_psd * dt));
     }
 
-    /// The same of second order, or exact.
+    /// The same for second order or exact.
     #[inline(never)]
     fn write_other(&self, start: &Start, corrected: &Sample, input: &Input<'_>, dt: f64, out: &mut Transition) {
         let ((gyro, accel), slots) = (self.inertial.noise(&corrected.0.rate, input), &self.kinematic.slots);

@@ -1,11 +1,11 @@
-//! Input samples with their neighbours, for corrections by what changes from one to the next.
+//! Input samples with their neighbours, for corrections by the change from one sample to the next.
 //!
-//! Sample     x₁ … x_d as the stream has them, then the neighbour's y₁ … y_d, then ±T_y \[s\], the length
-//!            of the neighbour's interval: positive where the neighbour comes before, negative where
-//!            it comes after, 0 where it is the first row of a stream, which covers no time
+//! Sample     x₁ … x_d from the stream, then the neighbour's y₁ … y_d, then ±T_y \[s\], the length
+//!            of its interval. The sign is positive if the neighbour comes before, negative if it comes
+//!            after. T_y is 0 for the first row of a stream as neighbour, which covers no time
 //! Modes      *previous*: the neighbour is the sample before, without delay
-//!            *pairs*: samples 1 and 2 are each other's neighbours, then 3 and 4, and so on; the first
-//!            of a pair waits for the second. A last one without partner gets the sample before
+//!            *pairs*: samples 1 and 2 are each other's neighbours, then 3 and 4, and so on. The first
+//!            of a pair waits for the second. A last sample without partner gets the sample before
 
 use fusion_core::memory;
 use fusion_core::model::{Input, Preparation, Prepared};
@@ -24,18 +24,18 @@ pub enum Mode {
 pub struct Neighbour<'a> {
     /// Its numbers, as the stream has them.
     pub sample: &'a [f64],
-    /// Length of its interval \[s\]; 0 where it covers no time.
+    /// Length of its interval \[s\]; 0 if it covers no time.
     pub interval: f64,
-    /// Whether it comes before the sample.
+    /// True if it comes before the sample.
     pub is_earlier: bool,
 }
 
-/// The neighbour that a preparation has added to a sample of `dim` numbers; none where the sample is
-/// held beyond its interval.
+/// The neighbour that a preparation has added to a sample of `dim` numbers; `None` if the sample is held beyond its
+/// interval.
 #[inline]
 #[must_use]
 pub fn neighbour<'a>(input: &Input<'a>, dim: usize) -> Option<Neighbour<'a>> {
-    // Other preparations may add more behind.
+    // Other preparations may append more numbers.
     let (sample, [signed, ..]) = input.sample.get(dim..)?.split_at_checked(dim)? else {
         return None;
     };
@@ -67,14 +67,14 @@ impl Timed {
 pub struct Pairing {
     mode: Mode,
     previous: Timed,
-    /// The first of a pair.
+    /// The first sample of a pair.
     first: Timed,
     has_first: bool,
 }
 memory!(Pairing { previous, first, has_first; mode });
 
 impl Pairing {
-    /// One that has seen nothing yet.
+    /// A pairing that has seen no sample yet.
     #[must_use]
     pub fn new(mode: Mode) -> Self {
         Self {
@@ -117,7 +117,7 @@ impl Preparation for Pairing {
 mod tests {
     use super::*;
 
-    /// First number, neighbour's number, signed length, of what `rows` become.
+    /// First number, neighbour's number and signed length of the prepared `rows`.
     fn paired(mode: Mode, rows: &[(f64, f64)]) -> Vec<(f64, f64, f64)> {
         let (mut pairing, mut out) = (Pairing::new(mode), Prepared::default());
         rows.iter()

@@ -9,14 +9,14 @@ use fusion_core::geometry::so3;
 use fusion_core::state::wrap;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-/// m = A (m_raw − b): soft and hard iron taken out.
+/// m = A (m_raw − b): removes soft and hard iron.
 #[inline]
 #[must_use]
 pub fn calibrated(raw: &Vector3<f64>, soft_iron: &Matrix3<f64>, hard_iron: &Vector3<f64>) -> Vector3<f64> {
     soft_iron * (raw - hard_iron)
 }
 
-/// What a field says against `q`.
+/// A field compared with `q`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Field {
     /// The turn about down \[rad\] that brings the field to magnetic north: the heading's error.
@@ -27,8 +27,8 @@ pub struct Field {
     pub dip: f64,
 }
 
-/// The field `m_b` (any unit) seen from the attitude `q`, `declination` \[rad\]. It knows no gimbal
-/// lock; elsewhere `turn` is the heading of a tilt-compensated compass less the yaw of `q`.
+/// The field `m_b` (any unit) seen from the attitude `q`, `declination` \[rad\]. It is valid at gimbal lock too;
+/// elsewhere `turn` is the heading of a tilt-compensated compass minus the yaw of `q`.
 #[inline]
 #[must_use]
 pub fn field(m_b: &Vector3<f64>, q: &UnitQuaternion<f64>, declination: f64) -> Field {
@@ -40,7 +40,7 @@ pub fn field(m_b: &Vector3<f64>, q: &UnitQuaternion<f64>, declination: f64) -> F
     }
 }
 
-/// `q` turned by the least angle that puts `f_b` (any length) straight up.
+/// `q` turned by the smallest angle that puts `f_b` (any length) straight up.
 #[inline]
 #[must_use]
 pub fn levelled(q: &UnitQuaternion<f64>, f_b: &Vector3<f64>) -> UnitQuaternion<f64> {

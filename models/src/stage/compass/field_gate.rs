@@ -1,11 +1,11 @@
-//! Whether a magnetic field is the Earth's: its size and its dip against the undisturbed ones.
+//! Checks that a magnetic field is the Earth's: compares its size and dip with the undisturbed ones.
 //!
-//! Smoothed   horizontal and downward part of the field, each by a first-order low-pass: no turn of the
-//!            body and no yaw changes them, so noise averages out and a turning body does not
-//! Difference d \[T\] of the smoothed parts from the reference: what is seen of a disturbance. The part
-//!            that turns the heading is as large and unseen; so d may be noise of what passes
-//! Hold-off   a field that was wrong has to look right for a while before it is believed again: at the
-//!            edge of a disturbance, and where the body turns in it, wrong fields look right at times
+//! Smoothed   horizontal and downward part of the field, each by a first-order low-pass. Turns of the body
+//!            and yaw do not change these parts, so only noise averages out
+//! Difference d \[T\] of the smoothed parts from the reference: the visible part of a disturbance. The part
+//!            that turns the heading is as large and invisible, so d may be the noise of fields that pass
+//! Hold-off   after a wrong field, the field must look right for a while before it is used again. At the
+//!            edge of a disturbance, and if the body turns in it, wrong fields sometimes look right
 
 use super::field::Field;
 use crate::units::{self, NonNegative, Positive, Quantity, dim};
@@ -15,7 +15,7 @@ use nalgebra::Vector2;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Leaves out the headings of a field that is not the Earth's: of another size or dip.
+/// Rejects the headings of a field that is not the Earth's: with another size or dip.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FieldGateSpec {
@@ -23,9 +23,9 @@ pub struct FieldGateSpec {
     pub(crate) enabled: bool,
     /// The undisturbed field; by default it is learnt at the start.
     field: Option<FieldSpec>,
-    /// Largest difference of |m| from that of the reference, as a share of it.
+    /// Largest difference of |m| from the reference, as a share of it.
     magnitude: Positive<dim::Ratio>,
-    /// Largest difference of the dip from that of the reference.
+    /// Largest difference of the dip from the reference.
     dip: Positive<dim::Angle>,
     /// Time constant over which the field is smoothed before it is judged.
     smooth_over: NonNegative<dim::Duration>,
@@ -33,7 +33,7 @@ pub struct FieldGateSpec {
     hold_off: NonNegative<dim::Duration>,
     /// A different field that has been steady for this long becomes the new reference.
     adopt_after: Positive<dim::Duration>,
-    /// How long the undisturbed field is averaged at the start, where it is learnt.
+    /// How long the undisturbed field is averaged at the start to learn it.
     learn_for: Positive<dim::Duration>,
 }
 
@@ -87,7 +87,7 @@ impl FieldGateSpec {
     }
 }
 
-/// What of a field no turn about the vertical changes.
+/// The properties of a field that do not change with a turn about the vertical.
 #[derive(Clone, Copy, Debug, Default)]
 struct Shape {
     magnitude: f64,
@@ -102,7 +102,7 @@ impl Shape {
         Vector2::new(cos, sin) * self.magnitude
     }
 
-    /// Of horizontal and downward parts.
+    /// From horizontal and downward parts.
     fn of(parts: &Vector2<f64>) -> Self {
         Self {
             magnitude: parts.norm(),
@@ -123,11 +123,11 @@ pub struct FieldGate {
     learn_for: f64,
     /// The undisturbed field, once declared or learnt.
     reference: Option<Shape>,
-    /// While learning: since when, how many fields, and their mean.
+    /// While learning: the start time, the number of fields, and their mean.
     learning: Option<(Time, f64, Vector2<f64>)>,
     /// The smoothed field and its time.
     smooth: Option<(Vector2<f64>, Time)>,
-    /// Another field, and since when.
+    /// A different field, and the time of its first sample.
     other: Option<(Shape, Time)>,
     /// When the field was last out of bounds.
     wrong_at: Option<Time>,
@@ -138,8 +138,8 @@ memory!(FieldGate {
 });
 
 impl FieldGate {
-    /// The difference \[T\] from the undisturbed field of one that passes: that looks as it does
-    /// undisturbed, and has for long enough. 0 while the undisturbed field is learnt.
+    /// The difference \[T\] from the undisturbed field, or `None` if the gate rejects this field. A field passes if it
+    /// looks undisturbed, for long enough. The difference is 0 while the undisturbed field is learnt.
     pub fn judge(&mut self, seen: &Field, time: Time) -> Option<f64> {
         let (magnitude, dip) = (seen.magnitude, seen.dip);
         let parts = Shape { magnitude, dip }.parts();
@@ -172,7 +172,7 @@ impl FieldGate {
         (a.magnitude / b.magnitude - 1.0).abs() <= self.magnitude && (a.dip - b.dip).abs() <= self.dip
     }
 
-    /// Averages what is seen at the start; the reference once that has lasted.
+    /// Averages the fields at the start; returns the reference after the learning time.
     fn learn(&mut self, parts: &Vector2<f64>, time: Time) -> Option<Shape> {
         let (since, count, mean) = self.learning.get_or_insert((time, 0.0, Vector2::zeros()));
         if *count > 0.0 && time.seconds_since(*since) >= self.learn_for {
@@ -205,7 +205,7 @@ mod tests {
         Field { turn: 0.0, magnitude, dip }
     }
 
-    /// A gate that has learnt |m| = 50 and a dip of 1.1 rad, and answers for a second of the run.
+    /// A gate that has learnt |m| = 50 and a dip of 1.1 rad; its closure judges a field at a second of the run.
     fn gate(smooth_over: f64, hold_off: f64) -> impl FnMut(i32, f64, f64) -> bool {
         let mut gate = FieldGateSpec::default().build();
         (gate.smooth_over, gate.hold_off) = (smooth_over, hold_off);
@@ -221,7 +221,7 @@ mod tests {
             at(0, 52.0, 1.14) && !at(1, 53.0, 1.1) && !at(2, 50.0, 1.16) && at(3, 50.0, 1.1),
             "the bounds are 5 % and 3°"
         );
-        // It is another field from second 10 on, moves on at 50, and is steady until 110.
+        // A different field from second 10 on, changes at 50, and is steady until 110.
         assert!((10..50).all(|t| !at(t, 60.0, 1.1)));
         assert!((50..=110).all(|t| !at(t, 70.0, 1.1)));
         assert!(at(111, 70.0, 1.1) && !at(112, 50.0, 1.1));
@@ -235,7 +235,7 @@ mod tests {
         assert!(at(102, 60.0, 1.1));
     }
 
-    /// A gate as it is declared, asked at seconds about fields in µT and degrees.
+    /// A declared gate; its closure judges fields in µT and degrees at given seconds.
     fn declared(toml: &str) -> impl FnMut(f64, f64, f64) -> bool + use<> {
         let mut gate = toml::from_str::<FieldGateSpec>(toml).unwrap().build();
         move |t, magnitude, dip| {
@@ -273,7 +273,7 @@ mod tests {
         assert!(at(1, 50.0, 1.1), "nothing was wrong yet");
         assert!(!at(10, 60.0, 1.1));
         assert!((11..15).all(|t| !at(t, 50.0, 1.1)));
-        // Wrong for one sample more: the wait starts again.
+        // Wrong for another sample: the wait starts again.
         assert!(!at(15, 60.0, 1.1) && !at(19, 50.0, 1.1) && at(20, 50.0, 1.1));
     }
 
@@ -284,7 +284,7 @@ mod tests {
         let (mut raw, mut smooth) = (gate(0.0, 0.0), gate(10.0, 0.0));
         assert!((1..40).all(|t| !raw(t, noisy(t), 1.1)));
         assert!((1..40).all(|t| smooth(t, noisy(t), 1.1)));
-        // 8 % that last pass 5 % when 1 − exp(−t/10 s) = 5/8: after 9.8 s.
+        // A steady 8 % exceeds 5 % when 1 − exp(−t/10 s) = 5/8: after 9.8 s.
         let first = (40..80).find(|t| !smooth(*t, 54.0, 1.1)).unwrap();
         assert!((48..=50).contains(&first), "{first}");
     }
