@@ -1,7 +1,7 @@
 //! An inertial unit compared with a track of positions: whether they turn alike, which axis points ahead, and the
 //! offset of their clocks.
 
-use super::numbers::{Integral, Vec3, line, norm};
+use super::numbers::{Integral, Vec3, line, norm, quantile};
 use super::track::Track;
 
 /// The largest offset that is tried, and the step \[s\].
@@ -113,9 +113,11 @@ pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> O
     /// below `NOTHING` counts as none.
     const ALIKE: f64 = 2.0;
     const NOTHING: f64 = 1e-3;
+    /// Longer logs are not compared: fourteen hours in all.
+    const MOST: f64 = 2e5;
     let intervals = intervals(track);
-    let (first, last) = (t.iter().copied().reduce(f64::min)?, t.iter().copied().reduce(f64::max)?);
-    let (begin, end) = (intervals.first()?.from, intervals.last()?.to);
+    let (first, last) = span(t)?;
+    let (begin, end) = span(&track.t)?;
     let (rates, down) = (Integral::of(t, rate), gravity.map(|g| -g / norm(gravity)));
     let enough = ENOUGH.max(intervals.len() / 2);
     let at = |lag: f64| {
@@ -125,7 +127,11 @@ pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> O
             .collect();
         (pairs.len() >= enough).then(|| line(&pairs).1.abs())
     };
-    let steps = ((last - first + end - begin) / COARSE) as usize;
+    let steps = (last - first + end - begin) / COARSE;
+    if steps.is_nan() || steps > MOST {
+        return None;
+    }
+    let steps = steps as usize;
     let tried = (0..=steps).map(|k| begin - last + COARSE * k as f64);
     let tried = tried.filter_map(|lag| Some((lag, at(lag).filter(|c| c.is_finite())?)));
     let tried: Vec<(f64, f64)> = tried.collect();
@@ -134,6 +140,15 @@ pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> O
     let left = |c: f64| 1.0 - c * c;
     let is_other = |(other, c): &(f64, f64)| (other - lag).abs() > TURN && left(*c) < ALIKE * left(correlation) + NOTHING;
     (correlation > CERTAIN && !tried.iter().any(is_other)).then_some(lag)
+}
+
+/// Returns the first and the last stamp of a log without its outliers. The limits are the quantiles of 5 and 95 % of the
+/// stamps, widened by a tenth of their distance.
+fn span(t: &[f64]) -> Option<(f64, f64)> {
+    let (early, late) = (quantile(t.iter().copied(), 0.05), quantile(t.iter().copied(), 0.95));
+    let margin = 0.1 * (late - early);
+    let inside = || t.iter().copied().filter(|t| (early - margin..=late + margin).contains(t));
+    Some((inside().reduce(f64::min)?, inside().reduce(f64::max)?))
 }
 
 fn intervals(track: &Track) -> Vec<Interval> {

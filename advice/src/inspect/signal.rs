@@ -2,7 +2,7 @@
 
 use super::numbers::{Vec3, median, norm, quantile};
 use super::turn;
-use super::words::{Words, contains, is_called, is_height};
+use super::words::{QUATERNION, Words, contains, is_called, is_height, is_phrase};
 use fusion::source::table::{Column, Table};
 
 /// A quantity that a filter can use.
@@ -199,8 +199,19 @@ pub(super) fn factor(unit: &str) -> f64 {
     }
 }
 
-/// Words of a quantity that another filter computed from others.
-const DERIVED: [&str; 7] = ["est", "state", "cmd", "odom", "estimate", "kf", "ekf"];
+/// Words of a quantity that another filter computed from others, or of a setpoint.
+const DERIVED: [&str; 12] = [
+    "est", "state", "cmd", "odom", "estimate", "kf", "ekf", "setpoint", "sp", "desired", "demanded", "target",
+];
+/// Words for gyros, and for the angles of an interval.
+const GYROS: [&str; 9] = ["w", "g", "gyr", "gyro", "gyroscope", "omega", "rot", "rotation", "rate"];
+const ANGULAR_RATE: [&str; 2] = ["angular_velocity", "angular_rate"];
+const TURNED: [&str; 7] = ["dth", "dtheta", "dang", "da", "deltatheta", "deltaangle", "delang"];
+const DELTA_ANGLE: [&str; 2] = ["delta_angle", "delta_theta"];
+/// Words for accelerometers, and for the velocities that an interval adds.
+const ACCELEROMETERS: [&str; 7] = ["a", "f", "acc", "accel", "accelerometer", "acceleration", "force"];
+const GAINED: [&str; 5] = ["dv", "dvel", "deltav", "deltavelocity", "delvel"];
+const DELTA_VELOCITY: [&str; 1] = ["delta_velocity"];
 
 /// Whether the name of a column says that another filter made it.
 pub(super) fn is_derived(column: &str) -> bool {
@@ -440,7 +451,6 @@ impl<'a> Finder<'a> {
             let all = [&[(w, false)], columns].concat();
             return self.add(Kind::Quaternion, all);
         }
-        const QUATERNION: [&str; 5] = ["q", "quat", "quaternion", "orientation", "attitude"];
         const FIELD: [&str; 4] = ["m", "mag", "magnetometer", "magnetic"];
         // G may mean gauss.
         let gauss = match unit {
@@ -448,21 +458,22 @@ impl<'a> Finder<'a> {
             Some("mg") if is_called(prefix, &FIELD) => Some("mgauss"),
             _ => None,
         };
+        let turned = is_called(prefix, &TURNED) || is_phrase(prefix, &DELTA_ANGLE);
+        let gained = is_called(prefix, &GAINED) || is_phrase(prefix, &DELTA_VELOCITY);
+        let gyros = is_called(prefix, &GYROS) || is_phrase(prefix, &ANGULAR_RATE);
         let kind = match unit {
             _ if gauss.is_some() => Some(Kind::MagneticField),
+            None if turned => Some(Kind::AngularRate),
+            None if gained => Some(Kind::SpecificForce),
             Some("m/s^2" | "g" | "mg") => Some(Kind::SpecificForce),
-            Some("uT" | "nT" | "T") => Some(Kind::MagneticField),
-            Some("m/s") if is_called(prefix, &["dv", "dvel", "deltav"]) => Some(Kind::SpecificForce),
+            Some("uT" | "nT" | "T" | "gauss") => Some(Kind::MagneticField),
+            Some("m/s") if gained => Some(Kind::SpecificForce),
             Some("m/s") if is_called(prefix, &["v", "vel", "velocity", "body_velocity"]) => Some(Kind::BodyVelocity),
-            Some("rad" | "deg") if is_called(prefix, &["dth", "dtheta", "dang", "da"]) => Some(Kind::AngularRate),
+            Some("rad" | "deg") if turned || gyros => Some(Kind::AngularRate),
             Some("rad/s" | "deg/s") => Some(Kind::AngularRate),
             Some("m") if prefix.is_empty() || is_called(prefix, &["p", "pos", "position"]) => Some(Kind::Local),
-            Some("counts") | None if is_called(prefix, &["a", "f", "acc", "accel", "accelerometer", "acceleration", "force"]) => {
-                Some(Kind::SpecificForce)
-            }
-            Some("counts") | None if is_called(prefix, &["w", "g", "gyr", "gyro", "gyroscope", "omega", "rot", "rotation", "rate"]) => {
-                Some(Kind::AngularRate)
-            }
+            Some("counts") | None if is_called(prefix, &ACCELEROMETERS) => Some(Kind::SpecificForce),
+            Some("counts") | None if gyros => Some(Kind::AngularRate),
             None if is_called(prefix, &FIELD) => Some(Kind::MagneticField),
             _ => None,
         };
@@ -481,10 +492,20 @@ impl<'a> Finder<'a> {
                 Kind::BodyVelocity => found.why = "by name: x, y, z as forward, right, down".to_owned(),
                 _ => {}
             }
-            found.increment = matches!(
-                (found.kind, unit),
-                (Kind::SpecificForce, Some("m/s")) | (Kind::AngularRate, Some("rad" | "deg"))
-            );
+            found.increment = match (found.kind, unit) {
+                (Kind::SpecificForce, Some("m/s")) => true,
+                (Kind::AngularRate, Some("rad" | "deg")) => turned,
+                (Kind::SpecificForce, None) => gained,
+                (Kind::AngularRate, None) => turned,
+                _ => false,
+            };
+            match (found.kind, unit) {
+                // `gyro_rad` of PX4 is a rate.
+                (Kind::AngularRate, Some("rad")) if !turned => found.unit = "rad/s".to_owned(),
+                (Kind::AngularRate, Some("deg")) if !turned => found.unit = "deg/s".to_owned(),
+                (Kind::AngularRate, None) if turned => found.unit = "rad".to_owned(),
+                _ => {}
+            }
         }
     }
 
@@ -695,8 +716,9 @@ impl<'a> Finder<'a> {
     /// are the accelerometers. Three neighbouring columns next to them, with a small mean against their range, are the
     /// gyros.
     fn unnamed(&mut self) {
-        let is_known = |s: &Signal| matches!(s.kind, Kind::SpecificForce | Kind::AngularRate);
-        if self.found.iter().any(is_known) {
+        let named = |kind: Kind| self.found.iter().find(|s| s.kind == kind).map(|s| s.columns[0].0);
+        let (force, rate) = (named(Kind::SpecificForce), named(Kind::AngularRate));
+        if force.is_some() && rate.is_some() {
             return;
         }
         let used: Vec<usize> = self.found.iter().flat_map(|s| s.columns.iter().map(|c| c.0)).collect();
@@ -713,15 +735,22 @@ impl<'a> Finder<'a> {
         let is_around_zero = |k: usize| quantile(values(k), 0.02) < 0.0 && quantile(values(k), 0.98) > 0.0;
         let beside = |a: usize| [a.checked_sub(3), Some(a + 3)].into_iter().flatten();
         let gyro = |a: usize| beside(a).filter(|k| starts.contains(k)).find(|k| (*k..k + 3).all(is_around_zero));
-        // If columns have names, numbers near one may be anything: the gyros have to be next to them.
-        let unit = starts.iter().filter(|k| is_gravity(k)).map(|a| (*a, gyro(*a)));
-        let Some((a, gyro)) = unit.into_iter().find(|(_, gyro)| gyro.is_some() || !self.table.header) else {
-            return;
+        let found = match (force, rate) {
+            // If one of both has a name, the other has to be next to it.
+            (Some(force), _) => gyro(force).map(|g| (None, Some(g))),
+            (None, Some(rate)) => beside(rate).find(|k| starts.contains(k) && is_gravity(k)).map(|a| (Some(a), None)),
+            // If columns have names, numbers near one may be anything: the gyros have to be next to them.
+            (None, None) => {
+                let unit = starts.iter().filter(|k| is_gravity(k)).map(|a| (Some(*a), gyro(*a)));
+                unit.into_iter().find(|(_, gyro)| gyro.is_some() || !self.table.header)
+            }
         };
+        let Some((force, gyro)) = found else { return };
         let known = self.found.len();
-        self.add(Kind::SpecificForce, (a..a + 3).map(|k| (k, false)).collect());
-        if let Some(g) = gyro {
-            self.add(Kind::AngularRate, (g..g + 3).map(|k| (k, false)).collect());
+        for (kind, first) in [(Kind::SpecificForce, force), (Kind::AngularRate, gyro)] {
+            if let Some(first) = first {
+                self.add(kind, (first..first + 3).map(|k| (k, false)).collect());
+            }
         }
         self.found[known..].iter_mut().for_each(|s| s.why = "by its values".to_owned());
     }
@@ -859,6 +888,10 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
         Kind::Euler => ("rad", format!("headings reach {:.2}", reach(2))),
         Kind::Heading if reach(0) > core::f64::consts::TAU => ("deg", format!("headings reach {:.1}", reach(0))),
         Kind::Heading => ("rad", format!("headings reach {:.2}", reach(0))),
+        Kind::YawRate => match reach(0) {
+            p if p > 10.0 => ("deg/s", format!("99 % are within {p:.1}: more than 10 rad/s is rare")),
+            p => ("rad/s", format!("99 % are within {p:.2}")),
+        },
         // No place with people has less than a third of the sea-level pressure.
         Kind::Pressure => match length(s, table, 0.5) {
             m if (3e4..1.2e5).contains(&m) => ("Pa", format!("median {m:.0}")),

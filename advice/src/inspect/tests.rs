@@ -6,6 +6,7 @@ use fusion::source::table::Column;
 
 mod field;
 mod loggers;
+mod names;
 mod sigmas;
 mod stamps;
 mod text;

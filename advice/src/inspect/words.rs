@@ -10,7 +10,7 @@ pub(super) struct Words {
 }
 
 /// Units as headers write them, without blanks and brackets, and as designs write them.
-const UNITS: [(&str, &str); 51] = [
+const UNITS: [(&str, &str); 53] = [
     ("mps2", "m/s^2"),
     ("ms2", "m/s^2"),
     ("m/s2", "m/s^2"),
@@ -50,6 +50,8 @@ const UNITS: [(&str, &str); 51] = [
     ("ms", "ms"),
     ("us", "us"),
     ("ns", "ns"),
+    ("ga", "gauss"),
+    ("gauss", "gauss"),
     ("ut", "uT"),
     ("nt", "nT"),
     ("tesla", "T"),
@@ -74,6 +76,9 @@ pub(crate) fn stated_unit(column: &str) -> Option<&'static str> {
     Words::of(column).unit.filter(|unit| *unit != "counts")
 }
 
+/// Words for a quaternion.
+pub(super) const QUATERNION: [&str; 5] = ["q", "quat", "quaternion", "orientation", "attitude"];
+
 impl Words {
     /// Splits a name.
     pub(super) fn of(name: &str) -> Self {
@@ -87,11 +92,26 @@ impl Words {
         };
         let words = plain.split(|c: char| !c.is_alphanumeric() && !matches!(c, '/' | '^'));
         let mut words: Vec<String> = words.filter(|w| !w.is_empty()).map(str::to_lowercase).collect();
-        if let (None, [_, .., last]) = (found, words.as_slice()) {
-            found = unit(last);
-            if found.is_some() {
-                words.pop();
+        if found.is_none() {
+            // PX4 writes `vel_n_m_s`: the unit is made of the last words.
+            let of_words = |count: usize| {
+                let at = words.len().checked_sub(count).filter(|at| *at > 0)?;
+                Some((at, unit(&words[at..].join("/"))?))
+            };
+            if let Some((at, known)) = [3, 2, 1].into_iter().find_map(of_words) {
+                words.truncate(at);
+                found = Some(known);
             }
+        }
+        // Elements of an array, as PX4 and ROS write them: `gyro_rad[0]`, `q[3]`.
+        if let Some(axis) = bracket.and_then(|(_, inside)| inside.trim().parse::<usize>().ok()) {
+            let is_quaternion = words.last().is_some_and(|word| QUATERNION.contains(&word.as_str()));
+            let axes = if is_quaternion {
+                &["w", "x", "y", "z"][..]
+            } else {
+                &["x", "y", "z"][..]
+            };
+            words.extend(axes.get(axis).map(|axis| (*axis).to_owned()));
         }
         Self {
             stem: words.join("_"),
@@ -121,7 +141,16 @@ pub(super) fn is_called(stem: &str, words: &[&str]) -> bool {
     begins(stem, words) || stem.split('_').any(|w| w.len() > 2 && words.contains(&w))
 }
 
-/// Whether a stem has one of these words.
+/// Whether a stem ends with one of these phrases, as `imu_angular_velocity` does.
+pub(super) fn is_phrase(stem: &str, phrases: &[&str]) -> bool {
+    let ends = |phrase: &&str| {
+        stem.strip_suffix(*phrase)
+            .is_some_and(|rest| rest.is_empty() || rest.ends_with('_'))
+    };
+    phrases.iter().any(ends)
+}
+
+/// Whether one of its words is one of these.
 pub(super) fn contains(stem: &str, words: &[&str]) -> bool {
     stem.split('_').any(|w| words.contains(&w))
 }
