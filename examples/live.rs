@@ -1,11 +1,11 @@
 //! A filter in a vehicle: three threads deliver rows when they are there, one estimates.
 //!
 //! An inertial unit at 100 Hz, a receiver whose fixes come 0.2 s late, and an acoustic fix that comes about
-//! 2 s after the ping that it was valid at, with jitter. The design says `order = "rewind"`: every row is
-//! used the moment it comes, where it belongs. Ten times a second the estimate of *now* is printed with
-//! its 1σ, whatever is still on its way.
+//! 2 s after the ping that it was valid at, with jitter. The design says `order = "rewind"`: the filter uses
+//! every row as soon as it arrives, at its time of validity. Ten times a second the program prints the estimate
+//! of *now* with its 1σ; it does not wait for late rows.
 //!
-//! `cargo run --release --example live -- 100` runs a hundred times faster than time does.
+//! `cargo run --release --example live -- 100` runs a hundred times faster than real time.
 #![expect(clippy::print_stdout, reason = "an example prints")]
 
 use fusion::core::testing::Lcg;
@@ -37,7 +37,7 @@ fn deliver(to: Sender<Fix>, clock: Clock, stream: &'static str, [period, late, j
     for k in 0..(DRIVE / period) as u32 {
         let valid = f64::from(k) * period;
         clock.wait_for(valid + late + jitter * random.unit());
-        // Nobody listens any more: the drive is over.
+        // The receiver is closed: the drive is over.
         if to.send((stream, valid, row(&mut random))).is_err() {
             return;
         }
@@ -82,7 +82,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     estimate(&mut nav, &rows, clock)
 }
 
-/// Uses rows as they come, and prints the estimate of now ten times a second.
+/// Uses rows as they arrive, and prints the present estimate ten times a second.
 fn estimate(nav: &mut fusion::Navigator, rows: &Receiver<Fix>, clock: Clock) -> Result<(), Box<dyn std::error::Error>> {
     let (mut due, mut newest) = (0.0, 0.0_f64);
     for (stream, valid, row) in rows {

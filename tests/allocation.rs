@@ -1,6 +1,6 @@
 //! Prediction, update and the runner allocate nothing once they have warmed up.
 //!
-//! A binary of its own: the allocator that counts is the program's.
+//! This is a separate binary, because the counting allocator applies to the whole program.
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 #![expect(
@@ -29,16 +29,16 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 thread_local! {
-    /// Of this thread alone: the harness allocates in others.
+    /// Of this thread only: the test harness allocates in other threads.
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-    /// Bytes that this thread has and had at most.
+    /// Bytes that this thread holds now, and the largest number so far.
     static BYTES: Cell<(i64, i64)> = const { Cell::new((0, 0)) };
 }
 
 struct Counting;
 
 fn count() {
-    // A thread that is ending has no counter any more, and nothing is counted there.
+    // A thread that ends has no counter any more. Its allocations are not counted.
     let _ = ALLOCATIONS.try_with(|c| c.set(c.get() + 1));
 }
 
@@ -55,7 +55,7 @@ unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
         take(layout.size() as i64);
-        // SAFETY: the caller's promises are those `System` asks for.
+        // SAFETY: the caller gives the guarantees that `System` requires.
         unsafe { System.alloc(layout) }
     }
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
@@ -87,7 +87,7 @@ fn allocations(work: impl FnOnce()) -> u64 {
     ALLOCATIONS.get() - before
 }
 
-/// The most bytes that this thread had while `work` ran, beyond those before.
+/// The largest number of bytes that this thread held while `work` ran, minus those at its start.
 fn peak(work: impl FnOnce()) -> i64 {
     let (before, _) = BYTES.get();
     BYTES.set((before, before));
@@ -95,7 +95,7 @@ fn peak(work: impl FnOnce()) -> i64 {
     BYTES.get().1 - before
 }
 
-/// Biases that walk and decay, estimated lever arm and latency, signals, gates, losses, stages.
+/// Biases with random walk and decay, estimated lever arm and latency, signals, gates, losses, stages.
 const DESIGN: &str = r#"
 [filter]
 backend = "BACKEND"
@@ -220,13 +220,13 @@ fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
         ("error_state", two_frames),
     ] {
         let mut nav = navigator(preset, "one_sample");
-        // Rows are held back for the receiver's latency, as far as it may go.
+        // Rows are held back for the receiver's latency, up to its upper limit.
         (0..100).for_each(|k| nav.feed("imu", k as f64 * 0.01, &imu(k)).unwrap());
         let belief = nav.belief().unwrap().clone();
         let assembly = nav.assembly();
         let mut filter = Filter::new(assembly.layout.clone(), assembly.process.clone(), backend, Size::same(3));
         filter.set_belief(belief);
-        // Position, and velocity, whose Jacobian goes through signals.
+        // The position, and the velocity, whose Jacobian goes through signals.
         let observe = |filter: &mut Filter| {
             for (sensor, value) in assembly.sensors.iter().zip([&GNSS[..3], &GNSS[3..]]) {
                 let noise = [2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 5.0];
@@ -249,7 +249,7 @@ fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
         };
         let run = |filter: &mut Filter, steps: core::ops::Range<i64>| {
             for k in steps {
-                // With the sample before and its interval, as the process's preparation makes them.
+                // With the previous sample and its interval, as the process's preparation makes them.
                 let mut sample = [0.01; 13];
                 sample[..6].copy_from_slice(&imu(k));
                 sample[6..12].copy_from_slice(&imu(k - 1));
@@ -265,8 +265,8 @@ fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
         };
         run(&mut filter, 50..200);
         assert_eq!(allocations(|| run(&mut filter, 200..1000)), 0, "{backend:?}");
-        // A copy knows what its original has learnt, such as which blocks are coupled: it allocates
-        // nothing from its first step on, and ends where the original does.
+        // A copy has the learnt patterns of its original, such as which blocks are coupled. It allocates nothing from
+        // its first step on, and its result is that of the original.
         let mut copy = filter.clone();
         assert_eq!(allocations(|| run(&mut copy, 1000..1100)), 0, "{backend:?}, a copy");
         run(&mut filter, 1000..1100);
@@ -296,14 +296,14 @@ fn a_bank_of_hypotheses_allocates_nothing() {
             Backend::ERROR_STATE,
             Size::same(3),
         );
-        // One that leaves it open, and one that decides.
+        // A gate that leaves the decision open, and a gate that decides.
         let gates: [Box<dyn Gate>; 2] = [
             Box::new(Hypotheses::new(tracks, 0.999, Recovery::default())),
             Box::new(Nis::new(0.999, Recovery::default())),
         ];
         (Box::new(filter), gates.into())
     };
-    // More than twenty: a stable sort of that many takes memory.
+    // More than twenty hypotheses: a stable sort of that number takes memory.
     let limits = BankLimits {
         most: 30,
         ..BankLimits::DEFAULT
@@ -324,7 +324,7 @@ fn a_bank_of_hypotheses_allocates_nothing() {
             if k % 20 != 0 {
                 continue;
             }
-            // Every other fix is 5 to 7 σ too high: neither clearly good nor clearly false.
+            // Every second fix is 5 to 7 σ too high: neither clearly good nor clearly false.
             let mut fix = GNSS;
             fix[2] += if k % 40 == 0 { 12.0 + (k % 7) as f64 } else { 0.0 };
             for (number, value) in [&fix[..3], &fix[3..]].into_iter().enumerate() {
@@ -393,7 +393,7 @@ fn the_runner_allocates_nothing_in_steady_state() {
                 let time = Time::from_nanos(k * 10_000_000);
                 nav.feed_stream(imu_stream, time, &imu(k), &mut observer).unwrap();
                 if k % 20 == 0 {
-                    // Stamped between two samples, which splits the second one.
+                    // The stamp is between two samples, and splits the second sample.
                     // One in ten is a kilometre too high.
                     let mut fix = GNSS;
                     fix[2] += if k % 200 == 0 { 1000.0 } else { 0.0 };
@@ -403,10 +403,10 @@ fn the_runner_allocates_nothing_in_steady_state() {
         };
         run(0..1000);
         assert_eq!(allocations(|| run(1000..3000)), 0, "{integrator}");
-        // What was counted was work: 100 Hz of inputs, 5 Hz of two sensors, 2 Hz and 1 Hz of two stages.
+        // The count includes real work: inputs at 100 Hz, two sensors at 5 Hz, two stages at 2 Hz and 1 Hz.
         assert_eq!(predicted, 2000);
         assert_eq!(offered, [100, 100, 40, 20]);
-        // The velocity, right throughout, goes with the position.
+        // The velocity is always right, but it is rejected together with the position.
         assert_eq!(rejected, [10, 10, 0, 0]);
         let mut bytes = Vec::with_capacity(1 << 16);
         let saved = allocations(|| fusion::core::memory::save(&mut nav, &mut bytes));
@@ -441,7 +441,7 @@ fn going_back_for_late_rows_allocates_nothing_in_steady_state() {
     assert!(rewinds.count >= 180 && rewinds.most >= 200, "{rewinds:?}");
 }
 
-/// Hears steps and estimates.
+/// Receives steps and estimates.
 struct Steps<F>(F);
 
 impl<F: FnMut(&Event<'_>)> Observer for Steps<F> {
@@ -454,7 +454,8 @@ impl<F: FnMut(&Event<'_>)> Observer for Steps<F> {
     }
 }
 
-/// Smooths a run of so many samples, by what lies on these shelves until the end; the most bytes it had.
+/// Smooths a run with this number of samples, up to its end, with steps stored on these shelves. Returns the peak
+/// bytes.
 fn smoothed(samples: i64, shelf: &mut dyn FnMut(&str) -> Box<dyn Shelf>) -> i64 {
     let mut nav = navigator("error_state", "one_sample");
     let (imu_stream, gnss_stream) = (nav.stream("imu").unwrap(), nav.stream("gnss").unwrap());
@@ -481,7 +482,7 @@ fn smoothed(samples: i64, shelf: &mut dyn FnMut(&str) -> Box<dyn Shelf>) -> i64 
             assert!(belief.time > last);
             last = belief.time;
         }
-        // The latency of the receiver, as long as it may be, is still held back.
+        // The filter still holds rows back for the receiver's latency, up to its upper limit.
         assert!(last.seconds() > samples as f64 * 0.01 - 1.0, "{last}");
     })
 }
@@ -492,7 +493,7 @@ fn smoothing_on_disk_takes_as_much_memory_for_a_log_ten_times_as_long() {
     let set = FileSet::begin(&folder).unwrap();
     let on_disk = |samples| smoothed(samples, &mut |name| Box::new(set.spill(name).unwrap()));
     let (short, long) = (on_disk(2_000), on_disk(20_000));
-    // Buffers are as long as the longest record and block; a page of slack.
+    // Buffers have the length of the longest record and block. One page of slack.
     assert!(long <= short + 4096, "{short} {long}");
     let in_memory = |samples| smoothed(samples, &mut |_| Box::new(Vec::new()));
     assert!(in_memory(20_000) > 5 * in_memory(2_000));
@@ -500,7 +501,7 @@ fn smoothing_on_disk_takes_as_much_memory_for_a_log_ten_times_as_long() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// Laps of 40 s, with a hundred estimates, fixes and epochs of the reference in each second.
+/// Laps of 40 s, with a hundred estimates, fixes and reference epochs per second.
 const LAPS: &str = r#"
 [run]
 origin = { latitude = "48.8 deg", longitude = "2.3 deg" }
@@ -547,7 +548,7 @@ rate = "100 Hz"
 white = "1 m"
 "#;
 
-/// The most bytes that a run of so many laps needs, its score and its report among them.
+/// The peak bytes of a run with this number of laps, including its score and its report.
 fn memory_of(laps: u32) -> i64 {
     let [angle, duration] = [360 * laps, 40 * laps].map(|number| number.to_string());
     let text = LAPS.replace("ANGLE", &angle).replace("DURATION", &duration);
@@ -565,9 +566,9 @@ fn memory_of(laps: u32) -> i64 {
 
 #[test]
 fn a_run_needs_no_more_memory_for_sixteen_times_the_log() {
-    // 264,000 epochs: 2^18 values of a series are kept before it is summed up. Sixteen times: of thinned series, a
-    // power of two more leaves as many rows.
+    // 264,000 epochs: a series keeps 2^18 values before it is summarised. Factor sixteen: a thinned series has the same
+    // number of rows after one more power of two.
     let [short, long] = [66, 1056].map(memory_of);
-    // A hundredth: bins of a histogram that are used for the first time.
+    // One hundredth: histogram bins that are used for the first time.
     assert!(long < short + short / 100, "{short} and {long} bytes");
 }

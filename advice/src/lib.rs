@@ -1,8 +1,8 @@
-//! Advice: what undescribed logs probably are, which declarations the data contradict, and what to look at next.
+//! Advice: the probable meaning of logs without a description, declarations that the data contradict, and findings.
 //!
 //! | module | has |
 //! |---|---|
-//! | [`inspect`] | what the columns of logs probably are, and a first design |
+//! | [`inspect`] | the probable meaning of the columns of logs, and a first design |
 //! | [`frames`] | wrong axes, signs, units and fixed parameters, found by comparing recorded channels |
 //! | [`findings`] | what to look at next, from the statistics of a run |
 //! | [`allan`] | the noises of an inertial unit, from a log at rest |

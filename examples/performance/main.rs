@@ -1,7 +1,7 @@
 //! Measures and writes the page of the book on speed: `cargo run --release --example performance`.
 //!
-//! It runs the benches, keeps the lines of figures that they print in `benches/figures.txt` with what the
-//! machine and the build are, and makes the section of them. `-- --again` makes it of the file as it is.
+//! It runs the benches. It writes the lines of figures that they print to `benches/figures.txt`, with facts about
+//! the machine and the build, and makes the section from them. `-- --again` makes it from the existing file.
 
 #![expect(clippy::print_stdout, reason = "an example prints")]
 
@@ -15,7 +15,7 @@ use std::{env, fs};
 /// The benches whose lines are figures.
 const BENCHES: [&str; 4] = ["filter", "models", "montecarlo", "scenario"];
 
-/// What the options of a build are where Cargo.toml says nothing: those of cargo's release profile.
+/// Build options that apply if Cargo.toml does not set them: the defaults of cargo's release profile.
 const DEFAULTS: [(&str, &str); 3] = [("opt-level", "3"), ("lto", "false"), ("codegen-units", "16")];
 
 type Failure = Box<dyn std::error::Error>;
@@ -36,7 +36,7 @@ fn main() -> Result<(), Failure> {
     Ok(())
 }
 
-/// What is measured on, and how it was built.
+/// The machine of the measurement, and the build options.
 fn facts(root: &Path) -> Result<String, Failure> {
     let mut text = String::new();
     let today = Command::new("date").args(["-u", "+%F"]).output()?;
@@ -50,7 +50,7 @@ fn facts(root: &Path) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// As the system names it, where it does.
+/// The processor's name as the system reports it, or `unknown`.
 fn processor() -> String {
     let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
@@ -83,7 +83,7 @@ fn profile(manifest: &str) -> Result<String, Failure> {
     Ok(format!("bench, {}", options.join(", ")))
 }
 
-/// What a bench says of its figures; what criterion would time takes longer and is left out.
+/// The lines of figures that a bench prints. The filter `nothing` skips criterion's own timings, which take longer.
 fn lines(root: &Path, bench: &str) -> Result<String, Failure> {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.current_dir(root).args(["bench", "--bench", bench, "--", "nothing"]);

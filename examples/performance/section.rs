@@ -15,8 +15,8 @@ pub const END: &str = "<!-- /figures -->";
 /// The facts that a section names, in their order.
 pub const FACTS: [&str; 5] = ["measured", "processor", "kernel", "compiler", "profile"];
 
-/// What is said of a group of figures; those of other groups come last, under their own name. A figure belongs to
-/// the longest that its name begins with.
+/// The title of each group of figures. Other groups come last, under their own names. A figure belongs to the
+/// group with the longest name that begins the figure's name.
 const GROUPS: [(&str, &str); 8] = [
     (
         "filter",
@@ -46,7 +46,7 @@ const GROUPS: [(&str, &str); 8] = [
 /// A table of more rows is folded.
 const ROWS: usize = 12;
 
-/// A figure: what of, for how many states, beside what, how long.
+/// A figure: the step, the number of states, the rival it is compared with, and the duration.
 struct Figure {
     step: String,
     states: String,
@@ -123,7 +123,7 @@ fn table(figures: &[Figure]) -> Table {
     table
 }
 
-/// The group of a figure, and the rest of its name; none of a fact.
+/// The group of a figure, and the rest of its name; `None` for a fact.
 fn split(name: &str) -> Option<(&str, &str)> {
     let known = GROUPS
         .iter()
@@ -134,7 +134,7 @@ fn split(name: &str) -> Option<(&str, &str)> {
 /// The section, with its marks, of the text of `figures.txt`.
 ///
 /// # Errors
-/// The fact that is missing, or the line that is none.
+/// The missing fact, or the line that cannot be parsed.
 pub fn render(text: &str) -> Result<String, String> {
     let lines = text.lines().filter(|line| !line.is_empty() && !line.starts_with('#'));
     let pairs: Vec<(&str, &str)> = lines
@@ -155,7 +155,7 @@ pub fn render(text: &str) -> Result<String, String> {
             None => groups.push((group, vec![figure])),
         }
     }
-    // Stable: the others stay as they come.
+    // A stable sort: other groups keep their order.
     groups.sort_by_key(|(group, _)| GROUPS.iter().position(|(own, _)| own == group).unwrap_or(GROUPS.len()));
     let mut section = format!("{BEGIN}\n{}{}.\n", facts[..1].to_uppercase(), &facts[1..]);
     for (group, figures) in &groups {

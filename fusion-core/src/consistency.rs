@@ -80,7 +80,7 @@ mod tests {
         for dof in [1.0, 3.0, 15.0] {
             for p in [0.5, 0.95, 0.999] {
                 let tail = chi_square_tail(chi_square_quantile(p, dof), dof);
-                // The search for the quantile ends at 1e-8 or so of its own size.
+                // The search for the quantile ends at a relative error of about 1e-8.
                 assert!((tail - (1.0 - p)).abs() < 1e-6, "{dof} {p}: {tail}");
             }
         }

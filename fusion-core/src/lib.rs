@@ -32,9 +32,9 @@
 //!                              P ← (I − K H) P (I − K H)ᵀ + K R Kᵀ
 //! ```
 //!
-//! S is factored and solved, never inverted. Between innovation and correction stand a [`gate`], which may
-//! reject, and a [`loss`], which weighs: R ← R / w. Other charts, iteration, sigma points and factors of P
-//! replace parts of this: [`filter::Backend`].
+//! S is factored and solved, never inverted. Between innovation and correction, a [`gate`] may
+//! reject the measurement, and a [`loss`] weighs it: R ← R / w. Other charts, iteration, sigma points and factors
+//! of P replace parts of this: [`filter::Backend`].
 //!
 //! Sources: Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, §5
 //! and §10; Bucy and Joseph, *Filtering for Stochastic Processes*, 1968, for the form of P; Hertzberg et al.,
@@ -136,17 +136,17 @@
 //! | [`state`] | kinds of block, layout, typed handles, the belief |
 //! | [`model`] | the traits of a process and a measurement |
 //! | [`linear`] | Φ, H and changes of chart as small blocks |
-//! | [`chart`] | what P is the covariance of |
+//! | [`chart`] | the error coordinates of P |
 //! | [`covariance`] | P, and how its numbers are stored |
 //! | [`filter`] | predict and update, update rules, a bank of several |
 //! | [`gate`], [`loss`] | whether a measurement is used, and with what weight |
 //! | [`runner`] | rows in order of time, delays, going back, initialisers, stages, events |
-//! | [`health`], [`smoother`] | what a filter says of itself; what later data say |
+//! | [`health`], [`smoother`] | a filter's report on itself; smoothing with later data |
 //! | [`consistency`] | χ² quantiles, bands of NIS and NEES |
-//! | [`geometry`], [`time`], [`mod@memory`] | rotations and WGS-84; nanoseconds; what is remembered, as bytes |
-//! | [`testing`] | laws for models, charts, forms, rules, gates of your own |
+//! | [`geometry`], [`time`], [`mod@memory`] | rotations and WGS-84; nanoseconds; internal memory, as bytes |
+//! | [`testing`] | laws for your own models, charts, forms, rules, gates |
 //!
-//! What is absent here: no sensor, no file, no clock, no thread, no global generator. A run is a function of
+//! This crate has no sensor, no file, no clock, no thread, no global generator. A run is a function of
 //! its inputs.
 
 pub mod chart;

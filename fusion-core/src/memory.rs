@@ -1,13 +1,13 @@
-//! What a block remembers, as bytes.
+//! The memory of a block, as bytes.
 //!
-//! Everything with a memory names it once, in [`Memory::remember`]: the same line writes a number to a
-//! [`Tape`] and reads it back, so that saving and restoring cannot drift apart. What the design gives,
-//! such as limits and handles, is not memory: bytes are read into a block built from the same design.
+//! Everything with a memory lists it once, in [`Memory::remember`]: the same line writes a number to a
+//! [`Tape`] and reads it back, so that saving and restoring cannot drift apart. Limits, handles and other values
+//! from the design are not memory: bytes are read into a block built from the same design.
 //!
 //! Bytes are little-endian, numbers with all their bits. A list is preceded by its length. Reading
-//! believes nothing: a length that the bytes left cannot hold, or a choice that does not exist, ends the
-//! reading, and [`restore`] then puts everything back as it was. There is no name, no type and no
-//! checksum in them: what is kept longer than a process has a header of its own around it.
+//! trusts nothing: a length that the remaining bytes cannot hold, or a choice that does not exist, ends the
+//! reading, and [`restore`] then restores the state before. The bytes contain no name, no type and no
+//! checksum. Data kept longer than a process need their own header.
 
 use crate::time::Time;
 use core::ops::Range;
@@ -20,11 +20,11 @@ use thiserror::Error;
 pub trait Memory {
     /// Passes everything that it remembers to `tape`, always in the same order.
     ///
-    /// What is read may end in the middle: then the rest stays as it is, and nothing may be computed
+    /// Reading may end in the middle. The rest then keeps its values, and nothing may be computed
     /// from it.
     fn remember(&mut self, tape: &mut Tape<'_>);
 
-    /// Passes several, without their number.
+    /// Passes several items, without their number.
     #[doc(hidden)]
     fn remember_all(items: &mut [Self], tape: &mut Tape<'_>)
     where
@@ -34,7 +34,7 @@ pub trait Memory {
     }
 }
 
-/// Bytes that do not hold the memory of what they were read into.
+/// The bytes do not hold the memory of the object that reads them.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[error("the bytes do not hold this memory: {0}")]
 pub struct Damaged(pub(crate) &'static str);
@@ -49,12 +49,12 @@ enum Side<'a> {
     Reading { rest: &'a [u8], error: Option<Damaged> },
 }
 
-/// Writes what `memory` remembers behind what `bytes` hold.
+/// Appends the contents of `memory` to `bytes`.
 pub fn save<M: Memory + ?Sized>(memory: &mut M, bytes: &mut Vec<u8>) {
     memory.remember(&mut Tape(Side::Writing(bytes)));
 }
 
-/// Reads what [`save`] wrote; `memory` stays as it was where `bytes` hold anything else.
+/// Reads the bytes that [`save`] wrote. If `bytes` hold anything else, `memory` stays unchanged.
 ///
 /// # Errors
 /// [`Damaged`].
@@ -62,13 +62,13 @@ pub fn restore<M: Memory + ?Sized>(memory: &mut M, bytes: &[u8]) -> Result<(), D
     let mut before = Vec::with_capacity(bytes.len());
     save(memory, &mut before);
     recall(memory, bytes).inspect_err(|_| {
-        // What was just written can be read.
+        // The bytes that were just written can be read.
         let _ = recall(memory, &before);
     })
 }
 
-/// The same of bytes that the process has written itself: after an error `memory` is to be restored from
-/// others.
+/// As [`restore`], for bytes that this process has written: after an error the caller must restore `memory` from
+/// other bytes.
 pub(crate) fn recall<M: Memory + ?Sized>(memory: &mut M, bytes: &[u8]) -> Result<(), Damaged> {
     let mut tape = Tape(Side::Reading { rest: bytes, error: None });
     memory.remember(&mut tape);
@@ -86,13 +86,13 @@ impl<'a> Tape<'a> {
         matches!(self.0, Side::Reading { .. })
     }
 
-    /// Whether what has been read so far makes sense; so it does while writing.
+    /// Whether all that was read so far is valid; always true while writing.
     #[must_use]
     pub const fn is_sound(&self) -> bool {
         matches!(self.0, Side::Writing(_) | Side::Reading { error: None, .. })
     }
 
-    /// Ends the reading: what was read cannot be.
+    /// Ends the reading: the bytes are invalid.
     pub const fn refuse(&mut self, why: &'static str) {
         if let Side::Reading { error, .. } = &mut self.0
             && error.is_none()
@@ -101,7 +101,7 @@ impl<'a> Tape<'a> {
         }
     }
 
-    /// Writes `value`, or reads one in its place; `value` itself where there is none.
+    /// Writes `value`, or reads another value in its place. Returns `value` itself if nothing can be read.
     pub fn bytes<const N: usize>(&mut self, value: [u8; N]) -> [u8; N] {
         match &mut self.0 {
             Side::Writing(bytes) => bytes.extend_from_slice(&value),
@@ -138,7 +138,7 @@ impl<'a> Tape<'a> {
         }
     }
 
-    /// Bytes with their length: those `known` are written; those that are read are given, to be compared
+    /// Bytes with their length. Writes `known`, or returns the bytes that were read, for a comparison
     /// with `known`.
     pub fn blob(&mut self, known: &[u8]) -> Option<&'a [u8]> {
         let length = self.length(known.len(), 1);
@@ -156,10 +156,10 @@ impl<'a> Tape<'a> {
         }
     }
 
-    /// The length of a list whose items take `least` bytes each, or more: written, or read and checked
-    /// against the bytes that are left; 0 where those cannot hold it.
+    /// Writes the length of a list whose items take `least` bytes each, or more. Or reads it and checks it
+    /// against the remaining bytes; returns 0 if they cannot hold the list.
     pub fn length(&mut self, length: usize, least: usize) -> usize {
-        // No memory holds as many: what is longer cannot be read back, and is refused then.
+        // No memory holds that many items: reading would refuse a longer list.
         let written = u32::try_from(length).unwrap_or(u32::MAX);
         let read = u32::from_le_bytes(self.bytes(written.to_le_bytes())) as usize;
         let Side::Reading { rest, error } = &self.0 else { return length };
@@ -173,7 +173,7 @@ impl<'a> Tape<'a> {
         }
     }
 
-    /// One of the values `of`, by its place there.
+    /// One of the values in `of`, as its index.
     pub fn choice<T: Copy + PartialEq>(&mut self, value: &mut T, of: &[T]) {
         let place = of.iter().position(|v| v == value).unwrap_or(of.len());
         let [place] = self.bytes([place as u8]);
@@ -183,8 +183,8 @@ impl<'a> Tape<'a> {
         }
     }
 
-    /// A list whose items have memory of their own to be reused: those that it does not need go to
-    /// `spare`, those that it lacks come from there.
+    /// A list whose items own memory that can be reused. Surplus items go to
+    /// `spare`, missing items come from `spare`.
     pub fn pooled<T: Memory + Default>(&mut self, list: &mut VecDeque<T>, spare: &mut Vec<T>) {
         let length = self.length(list.len(), 1);
         while list.len() > length {
@@ -197,9 +197,9 @@ impl<'a> Tape<'a> {
     }
 }
 
-/// Writes [`Memory`] for a struct: first the fields that are remembered, in order, then, after a
-/// semicolon, those that are not, because the design gives them or because they hold nothing between two
-/// calls. Every field has to be named.
+/// Writes [`Memory`] for a struct. First list the fields that are remembered, in order. After a
+/// semicolon, list the other fields: the design gives them, or they hold nothing between two
+/// calls. Every field must be listed.
 ///
 /// ```
 /// #[derive(Debug, Default)]
@@ -224,7 +224,7 @@ macro_rules! memory {
             fn remember(&mut self, tape: &mut $crate::memory::Tape<'_>) {
                 let Self { $($field,)* $($($constant: _,)+)? } = self;
                 $($crate::memory::Memory::remember($field, tape);)*
-                // Of what remembers nothing.
+                // Used even if no field is remembered.
                 let _ = tape;
             }
         }
@@ -298,7 +298,7 @@ impl Memory for UnitQuaternion<f64> {
     }
 }
 
-/// Of a length that the design gives.
+/// The design gives the length.
 impl Memory for DVector<f64> {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         tape.numbers(self.as_mut_slice());

@@ -31,7 +31,7 @@ impl Time {
         (nanos.abs() < i64::MAX as f64).then_some(Self(nanos as i64))
     }
 
-    /// From seconds of one's own, such as a constant, rounded to the nearest nanosecond; out-of-range
+    /// Converts trusted seconds, such as a constant, rounded to the nearest nanosecond. Out-of-range
     /// values saturate and NaN is 0.
     #[must_use]
     pub fn from_seconds(seconds: f64) -> Self {

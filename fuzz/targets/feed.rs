@@ -52,7 +52,7 @@ fn at_rest(channel: &str, width: usize) -> Vec<f64> {
     }
 }
 
-/// The stamp of the next row \[s\]; `last` is that of the one before.
+/// The stamp of the next row \[s\]; `last` is the stamp of the row before.
 fn stamp(kind: u8, last: f64, bytes: &mut Bytes<'_>) -> Option<f64> {
     Some(match (kind >> 2) & 3 {
         0 => last + 0.01,
@@ -120,7 +120,7 @@ fn feed(mut bytes: Bytes<'_>) -> Option<()> {
         }
         check(&mut nav);
     }
-    // What is held back.
+    // Process the rows that are held back.
     nav.finish(&mut |_: &fusion::core::runner::Event<'_>| {})
         .expect("no observer fails");
     check(&mut nav);

@@ -1,4 +1,4 @@
-//! What a block declares and how it is built.
+//! How a block is declared and built.
 //!
 //! A *spec* is plain data read from TOML. [`SensorSpec::build`] and its siblings turn it into the
 //! runtime object of `fusion-core`, resolving the quantities it reads through [`Build`].
@@ -28,9 +28,9 @@ use thiserror::Error;
 pub struct BuildError {
     /// Path of the field inside the block, empty for the block as a whole.
     pub field: String,
-    /// What is wrong.
+    /// The error.
     pub message: String,
-    /// What to do about it.
+    /// How to correct it.
     pub help: Option<String>,
 }
 
@@ -53,7 +53,7 @@ impl BuildError {
         }
     }
 
-    /// About a quantity of a field, or the one element of it that is wrong.
+    /// About a quantity of a field, or about its wrong element.
     pub fn quantity(field: &str, error: &UnitError) -> Self {
         Self::at(error.path(field), error.to_string())
     }
@@ -65,7 +65,7 @@ impl BuildError {
         self
     }
 
-    /// Of a block that stands at `path` inside another.
+    /// For an error of a block that is at `path` inside another block.
     #[must_use]
     pub fn within(self, path: impl Into<String>) -> Self {
         let mut field = path.into();
@@ -89,12 +89,12 @@ impl From<UnitError> for BuildError {
     }
 }
 
-/// What a [`Nested`] block calls itself when it is read.
+/// The name by which a [`Nested`] block identifies itself to the deserializer.
 pub const NESTED: &str = "$fusion::block";
 
-/// A block inside another, `{ type = "…", … }`: says to the reader of a design that its `type` names a
-/// trait object. A field that holds a `Box<dyn …>` is read through it; of an array of blocks,
-/// [`nested`] does so.
+/// A block inside another, `{ type = "…", … }`. It informs the reader of a design that `type` names a
+/// trait object. A field that holds a `Box<dyn …>` is read through it; for an array of blocks,
+/// use [`nested`].
 #[derive(Debug)]
 pub struct Nested<T: ?Sized>(pub Box<T>);
 
@@ -132,7 +132,7 @@ where
     Ok(blocks.into_iter().map(|block| block.0).collect())
 }
 
-/// What the numbers of a channel are.
+/// The kind of the numbers in a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// Numbers of one dimension.
@@ -152,9 +152,9 @@ pub struct Channel {
     pub name: Cow<'static, str>,
     /// How many numbers.
     pub width: usize,
-    /// Their dimension; of no meaning for geodetic positions and quaternions.
+    /// Their dimension; without meaning for geodetic positions and quaternions.
     pub dimension: Dimension,
-    /// What they are.
+    /// Their kind.
     pub shape: Shape,
 }
 
@@ -162,7 +162,7 @@ pub struct Channel {
 const SIGMA: &str = "_sigma";
 
 impl Channel {
-    /// The channel that reports the 1σ of this one has this name.
+    /// The name of the channel that reports the 1σ of the channel `name`.
     #[must_use]
     pub fn sigma_name(name: &str) -> String {
         format!("{name}{SIGMA}")
@@ -247,7 +247,7 @@ pub fn check_delay(field: impl Into<String>, seconds: f64) -> Result<(), BuildEr
     Err(BuildError::at(field, message).help(help))
 }
 
-/// What a sensor reads from its stream.
+/// The data that a sensor reads from its stream.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reading {
     /// A channel of the source's rows.
@@ -259,7 +259,7 @@ pub enum Reading {
 }
 
 impl Reading {
-    /// The channels it takes from a row; none for a pseudo-measurement.
+    /// The channels it takes from a row; empty for a pseudo-measurement.
     #[must_use]
     pub fn channels(&self) -> &[Channel] {
         match self {
@@ -291,7 +291,7 @@ pub struct Listen {
 /// A process model as declared.
 #[typetag::deserialize]
 pub trait ProcessSpec: Debug + Send + Sync {
-    /// What an input sample consists of; empty for a process driven by time alone.
+    /// The channels of an input sample; empty for a process driven by time alone.
     fn input(&self) -> Vec<Channel>;
 
     /// Declares the states and signals and makes the model.
@@ -305,21 +305,21 @@ pub trait ProcessSpec: Debug + Send + Sync {
 /// read by the assembler.
 #[typetag::deserialize]
 pub trait SensorSpec: Debug + Send + Sync {
-    /// What it reads.
+    /// The data that it reads.
     fn reading(&self) -> Reading;
 
-    /// The dimension of each residual row, which is that of the noise's sigma.
+    /// The dimension of each residual row, which is also the dimension of the noise's sigma.
     fn noise(&self) -> Vec<Dimension>;
 
-    /// A name per residual row, `north` or `x`; none where rows have no names, as in a scalar. Where
-    /// several alike are measured together, the names of one: they repeat.
+    /// A name per residual row, `north` or `x`; empty if rows have no names, as in a scalar. If several
+    /// similar quantities are measured together, the names of one of them: they repeat.
     fn axes(&self) -> &'static [&'static str] {
         &[]
     }
 
     /// The channel of its stream that reports the 1σ of each residual row, for `noise.from_source`:
-    /// `<channel>_sigma`. One number stands for every row; of more numbers than rows the first count.
-    /// None for a pseudo-measurement, which has no source that could, and for a sensor of several
+    /// `<channel>_sigma`. A single number applies to every row; numbers beyond the rows are ignored.
+    /// `None` for a pseudo-measurement, which has no source that could report it, and for a sensor with several
     /// channels, unless it names one.
     fn reported_sigma(&self) -> Option<Channel> {
         let Reading::Channel(channel) = self.reading() else { return None };
@@ -331,7 +331,7 @@ pub trait SensorSpec: Debug + Send + Sync {
         })
     }
 
-    /// The stage whose rows say when it holds, where it is no instrument with rows of its own.
+    /// The stage whose rows define when it holds, if it is no instrument with its own rows.
     fn timing(&self) -> Option<&'static str> {
         match self.reading() {
             Reading::Constant(_) => Some("periodic"),
@@ -339,8 +339,8 @@ pub trait SensorSpec: Debug + Send + Sync {
         }
     }
 
-    /// The sensor whose states it reads, where it names one: that is built before it, and used before it at a time that
-    /// they share, wherever the two are in a design.
+    /// The sensor whose states it reads, if it names one. That sensor is built first, and used first at a common
+    /// time, for any order of the two in a design.
     fn follows(&self) -> Option<&str> {
         None
     }
@@ -355,15 +355,15 @@ pub trait SensorSpec: Debug + Send + Sync {
 /// A stage as declared.
 #[typetag::deserialize]
 pub trait StageSpec: Debug + Send + Sync {
-    /// What it listens to: one input each.
+/// The channels that it listens to, one entry per input.
     fn inputs(&self) -> Vec<Listen>;
 
-    /// What its rows consist of.
+    /// The channels of its rows.
     fn output(&self) -> Vec<Channel>;
 
-    /// By how many seconds it sees the rows of each input before their stamps, so that what it emits may
-    /// be valid that much earlier; none for a stage that sees rows when they are stamped. All rows of the
-    /// run are held back as long as the longest of them.
+    /// The time in seconds by which it sees the rows of each input before their stamps; its output may
+    /// be valid earlier by this time. Empty for a stage that sees rows at their stamps. All rows of the
+    /// run are held back by the longest of these times.
     fn ahead(&self) -> Vec<f64> {
         Vec::new()
     }
@@ -378,13 +378,13 @@ pub trait StageSpec: Debug + Send + Sync {
 /// An initialiser as declared.
 #[typetag::deserialize]
 pub trait InitialiserSpec: Debug + Send + Sync {
-    /// What it listens to: one input each.
+/// The channels that it listens to, one entry per input.
     fn inputs(&self) -> Vec<Listen>;
 
     /// Names of the state blocks it writes.
     fn writes(&self) -> Vec<&'static str>;
 
-    /// What it makes of the position in the rows of its first input, which sensors may read too.
+    /// How it uses the position in the rows of its first input, which sensors may read too.
     fn takes(&self) -> Taken {
         Taken::Nothing
     }
@@ -396,14 +396,14 @@ pub trait InitialiserSpec: Debug + Send + Sync {
     fn build(&self, build: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError>;
 }
 
-/// What an initialiser makes of a measured position.
+/// How an initialiser uses a measured position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Taken {
-    /// Nothing, or no more than what it says of itself.
+    /// Not at all, or only as its own documentation says.
     Nothing,
-    /// A place to begin at: sensors tell the position.
+    /// As the place of the start only: the sensors measure the position.
     Place,
-    /// A position with this 1σ per axis \[m\], independent of all that sensors measure.
+    /// As a position with this 1σ per axis \[m\], independent of all sensor measurements.
     Position([f64; 3]),
 }
 
@@ -446,7 +446,7 @@ pub trait LossSpec: Debug + Send + Sync {
     fn build(&self) -> Result<Box<dyn Loss>, BuildError>;
 }
 
-/// What a block sees while it is built: its name, the layout so far, the world.
+/// The data that a block sees while it is built: its name, the layout so far, the world.
 #[derive(Debug)]
 pub struct Build<'a> {
     /// The block's own name; its states are called `name.parameter`.
@@ -475,7 +475,7 @@ impl Build<'_> {
     /// The declared origin.
     ///
     /// # Errors
-    /// Where none is declared.
+    /// If no origin is declared.
     pub fn origin(&self) -> Result<Geodetic, BuildError> {
         let help = "add `origin = { latitude = \"…deg\", longitude = \"…deg\", height = \"…m\" }` under [run]";
         self.origin
@@ -527,8 +527,8 @@ impl Build<'_> {
         self.parameter(&format!("{}.{field}", self.name), field, spec, role)
     }
 
-    /// A parameter of a process, under a full name of its own; estimated it is a calibration,
-    /// however it moves.
+    /// A parameter of a process, under its own full name. If it is estimated, it is a calibration
+    /// with any dynamics.
     ///
     /// # Errors
     /// As [`Build::param`].

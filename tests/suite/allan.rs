@@ -13,8 +13,8 @@ fn deviation(csv: &str, axis: &str, tau: f64, scale: f64) -> f64 {
     row.unwrap_or_else(|| panic!("{axis} at {tau}"))[4].parse::<f64>().unwrap() / scale
 }
 
-/// Figures of `adis16405_static/README.md`, of a program of its own, and what the data sheet of the
-/// unit says, 2 deg/√h.
+/// Figures of `adis16405_static/README.md`, computed by a separate program, and 2 deg/√h from the data sheet of the
+/// unit.
 #[test]
 fn a_real_unit_at_rest_has_its_published_deviations() {
     let Some(data) = data() else { return };
@@ -53,7 +53,7 @@ fn a_real_unit_at_rest_has_its_published_deviations() {
     for (axis, scale, points) in published {
         for (tau, wanted) in points {
             let found = deviation(&csv, axis, tau, scale);
-            // Half of the last digit that is printed there: 0.5e-3 and 0.5e-4.
+            // Half of the last printed digit there: 0.5e-3 and 0.5e-4.
             let bound = if tau < 1.0 { 0.5e-3 } else { 0.5e-4 };
             assert!(
                 (found - wanted).abs() <= 1.01 * bound,
@@ -118,7 +118,7 @@ time = { column = "t", unit = "s" }
 angular_rate = { columns = ["gx", "gy", "gz"], unit = "deg/s" }
 "#;
 
-/// What it writes goes into a design as it is.
+/// The written TOML can be used in a design without changes.
 #[test]
 fn a_design_that_declares_the_channels_is_enough() {
     let w = Workspace::new("allan-design");
@@ -130,7 +130,8 @@ fn a_design_that_declares_the_channels_is_enough() {
     let declared: toml::Table = toml::from_str(&noise).unwrap();
     let white = declared["process"]["gyro"]["noise"][0].as_str().unwrap();
     let white: f64 = white.split(' ').next().unwrap().parse().unwrap();
-    // 1 deg/s at 10 Hz is 0.316 deg/s/√Hz. 3600 samples: σ at one sample is known to 1.2 %, four times that.
+    // 1 deg/s at 10 Hz is 0.316 deg/s/√Hz. With 3600 samples, σ at one sample is known to 1.2 %; the bound is four
+    // times that.
     assert!((white / 0.1_f64.sqrt() - 1.0).abs() < 0.048, "{white}");
     let design = format!(
         "[run]\norigin = {{ latitude = \"47 deg\", longitude = \"8 deg\" }}\n[process]\ntype = \"strapdown\"\nsource = \"imu\"\n\
@@ -143,7 +144,7 @@ fn a_design_that_declares_the_channels_is_enough() {
     w.fusion(&["check", "pasted.toml"]).success();
 }
 
-/// A table with stamps is read as the design that declares them reads it.
+/// A table with stamps gives the same result as the design that declares them.
 #[test]
 fn a_table_is_read_by_its_stamps_unless_a_rate_is_given() {
     let w = Workspace::new("allan-stamps");
@@ -162,12 +163,12 @@ fn a_table_is_read_by_its_stamps_unless_a_rate_is_given() {
     let (stamped, told) = noises(&table);
     assert!(told.contains("1 gap"), "{told}");
     assert_eq!(stamped, declared);
-    // Rows count: the gap is not seen, and its rows are used.
+    // Rows are counted: the gap is not seen, and the rows at it are used.
     let (by_rows, told) = noises(&[&table[..], &["--rate", "10 Hz"]].concat());
     assert!(by_rows != stamped && told.is_empty(), "{told}");
 }
 
-/// Samples times the interval give the same noises, whether the names state a unit or gravity tells it.
+/// Samples multiplied by the interval give the same noises, if the names state a unit or if gravity shows it.
 #[test]
 fn increments_are_divided_by_the_interval() {
     let w = Workspace::new("allan-increments");
@@ -202,7 +203,7 @@ fn increments_are_divided_by_the_interval() {
         );
         assert_eq!(paste(&increments), paste(&rates), "{file}");
     }
-    // Numbers of which neither is gravity are in another unit.
+    // If no column shows gravity, the numbers are in another unit.
     let (_, warned) = of("counts.csv", ["ax", "ay", "az", "gx", "gy", "gz"], 7.0);
     assert!(
         warned.contains("68.6 m/s^2 long") && warned.contains("--accelerometer-unit"),
@@ -250,7 +251,7 @@ fn a_part_of_a_log_is_cut_out_by_seconds_and_by_stamps() {
         let ran = w.fusion(&[&["allan"], args, &["--from", "20", "--to", "@200"]].concat()).success();
         let told = stdout(&ran);
         assert!(told.contains("180 s at 10 Hz"), "{told}");
-        // The gap is later than the part.
+        // The gap is after the selected part.
         assert!(!stderr(&ran).contains("gap"), "{}", stderr(&ran));
     };
     let columns = ["--gyro", "gx,gy,gz"];

@@ -1,4 +1,4 @@
-//! An attitude filter inside a stage, with a body at rest, a shaken one, and one beside a magnet.
+//! An attitude filter inside a stage, with a body at rest, a shaken body, and a body near a magnet.
 
 use fusion::assembly::{assemble, declared_streams};
 use fusion::config::Document;
@@ -11,7 +11,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 const G: f64 = 9.81;
 
-/// The process outside follows the filter inside; `inside` is laid over the tables of the latter.
+/// The process outside follows the filter inside. `inside` overrides tables of the filter inside.
 fn design(inside: &str) -> Design {
     let text = format!(
         r#"
@@ -77,7 +77,7 @@ noise = {{ sigma = 0.1 }}
     Design::read(document).unwrap_or_else(|d| panic!("{d}"))
 }
 
-/// A gradient step of every sample, as a vertical or as a whole attitude.
+/// A gradient step for every sample, as a vertical or as a whole attitude.
 fn gradient(part: &str) -> String {
     format!(
         "stage.tilt = {{ type = 'gravity_gradient', source = 'imu', sigma = 4e-3, gravity = {G} }}\n\
@@ -90,7 +90,7 @@ struct Bench {
     runner: Runner,
     imu: usize,
     q: UnitQuaternion<f64>,
-    /// Of the gyros.
+    /// Bias of the gyros.
     bias: Vector3<f64>,
     inside: Option<Belief>,
 }
@@ -109,7 +109,7 @@ impl Bench {
         }
     }
 
-    /// From one second to another, 100 samples in each, accelerated by `a_n(t)` in the field `m_n`.
+    /// Runs from one second to another, with 100 samples per second, the acceleration `a_n(t)` and the field `m_n`.
     fn run(&mut self, seconds: (i32, i32), a_n: impl Fn(f64) -> Vector3<f64>, m_n: &Vector3<f64>) {
         for k in seconds.0 * 100..seconds.1 * 100 {
             let t = f64::from(k) * 0.01;
@@ -135,7 +135,7 @@ impl Bench {
         self.inside.as_ref().unwrap()
     }
 
-    /// The turn from the body's attitude to the estimated one, navigation axes \[rad\].
+    /// The rotation from the body's attitude to the estimated attitude, navigation axes \[rad\].
     fn error(&self) -> Vector3<f64> {
         so3::log(&(Attitude::read(&self.belief().x[..4]) * self.q.inverse()))
     }
@@ -182,7 +182,7 @@ fn gyro_biases_of_all_axes_are_found_at_rest() {
         let mut bench = Bench::new(&inside, so3::from_rpy(0.4, -0.8, 2.5), bias);
         bench.run((0, 120), rest, &field_n());
         let found = bench.found_bias();
-        // A tenth: of the heading's axis a compass of 0.1 rad tells no more in two minutes.
+        // One tenth: a compass of 0.1 rad determines the bias about the heading axis no better in two minutes.
         assert!((found - bias).norm() < 0.1 * bias.norm(), "{inside}: {found}");
         assert!(bench.error().norm() < 0.01, "{inside}: {}", bench.error());
     }
@@ -190,7 +190,7 @@ fn gyro_biases_of_all_axes_are_found_at_rest() {
 
 #[test]
 fn shaking_is_averaged_by_the_low_pass() {
-    // 3 m/s² at 1 Hz from the second second on: |f| differs from g by 5 % at most.
+    // 3 m/s² at 1 Hz from second 2 on: |f| differs from g by 5 % at most.
     let shake = |t: f64| {
         let size = if t > 2.0 { 3.0 * (core::f64::consts::TAU * t).sin() } else { 0.0 };
         Vector3::new(size, 0.0, 0.0)
@@ -207,7 +207,7 @@ fn shaking_is_averaged_by_the_low_pass() {
         worst
     };
     let (averaged, stepped) = (worst(""), worst(&gradient("tilt")));
-    // The force is off by 0.306 rad. The low pass passes 1/(2π·1.5) of that, the filter less.
+    // The force is off by 0.306 rad. The low pass transmits 1/(2π·1.5) of that, the filter less.
     assert!(averaged < 0.0325, "{averaged}");
     assert!(stepped > averaged, "{stepped} {averaged}");
 }
@@ -219,7 +219,7 @@ fn a_disturbed_field_is_left_out_and_one_that_stays_is_believed_in_the_end() {
     let mut gated = Bench::new("", so3::from_rpy(0.1, -0.2, 1.0), Vector3::zeros());
     gated.run((0, 5), rest, &field_n());
     gated.run((5, 24), rest, &magnet);
-    // What the bias is not known to may turn it a little.
+    // The remaining error of the bias may turn the attitude a little.
     assert!(gated.error().norm() < 1e-3, "{}", gated.error());
     gated.run((24, 90), rest, &magnet);
     assert!(gated.error().z < -0.1, "{}", gated.error());
@@ -235,8 +235,8 @@ fn a_disturbed_field_is_left_out_and_one_that_stays_is_believed_in_the_end() {
 
 #[test]
 fn a_magnet_that_swings_the_field_is_held_off_until_the_field_has_been_right_for_a_while() {
-    // Every second second the field is turned by 0.28 rad alone, which no gate of size and dip sees; in
-    // between it dips by 0.1 rad more.
+    // In every second second the field is only turned by 0.28 rad, which gates of size and dip do not see. In between
+    // its dip is also larger by 0.1 rad.
     let turned = so3::exp(&Vector3::new(0.0, 0.0, 0.28)) * field_n();
     let dipped = so3::exp(&Vector3::new(0.0, -0.1, 0.0)) * field_n();
     let heading = |gate: &str| {
@@ -249,15 +249,16 @@ fn a_magnet_that_swings_the_field_is_held_off_until_the_field_has_been_right_for
         bench.error().z.abs()
     };
     let (held_off, at_once) = (heading("stage.magnetic.gate.hold_off = 2"), heading(""));
-    // Undisturbed the error is rounding; five seconds after the magnet has gone it is so again: what is left is
-    // one smoothed sample. Believed each time the field looks right it is a fifth of the turn.
+    // Undisturbed, the error is rounding. Five seconds after the magnet has left it is again as small: the remaining
+    // error is one smoothed sample. Without `hold_off`, the field is accepted each time it looks right, and the error
+    // is a fifth of the turn.
     assert!(held_off < 1e-3, "{held_off}");
     assert!(at_once > 0.03, "{at_once}");
 }
 
 #[test]
 fn a_heading_taken_for_measured_drowns_the_compass() {
-    // A bias for the gradient to work against: where there is none it takes no step.
+    // The gradient needs a bias to correct. Without a bias it takes no step.
     let sigma = |part: &str| {
         let mut bench = Bench::new(&gradient(part), so3::from_rpy(0.1, -0.2, 1.0), Vector3::new(1e-3, 1e-3, 0.0));
         bench.run((0, 20), rest, &field_n());

@@ -1,11 +1,11 @@
-//! A Doppler log whose beams come and go one by one.
+//! A Doppler log whose beams are lost and return one by one.
 
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::{Options, Summary, run};
 use std::path::Path;
 
-/// `configs/ins-gps.toml` with a Doppler log, by this seed; only the first `beams` ever have an echo.
+/// `configs/ins-gps.toml` with a Doppler log and this seed. Only the first `beams` beams ever have an echo.
 fn drive(beams: usize, seed: u64, sets: &[&str]) -> Summary {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/ins-gps.toml");
     let mut document = Document::load(&file).unwrap_or_else(|d| panic!("{d}"));
@@ -36,7 +36,8 @@ fn each_beam_that_is_left_is_used_and_the_filter_knows_what_it_is_worth() {
             for beam in 1..=4 {
                 let name = format!("dvl.beam_{beam}");
                 let sensor = summary.sensors.iter().find(|s| s.name == name).unwrap();
-                // Those of the first beams but one per mille, which its gate may reject; of the others none.
+                // The first beams: all measurements except one per mille, which the gate may reject. The other beams:
+                // none.
                 let used = sensor.accepted;
                 assert_eq!(beam <= beams, used > 500, "{name} of {beams}: {used}");
             }
@@ -46,8 +47,8 @@ fn each_beam_that_is_left_is_used_and_the_filter_knows_what_it_is_worth() {
         }
         let rms = squares.sqrt();
         eprintln!("{beams} beams: velocity {:.1} cm/s, NEES {nees:.2}", 100.0 * rms);
-        // Eight runs of a dozen independent errors each, of three axes: 1σ of their mean is √(6/96) = 0.25, so 3σ. The
-        // velocity that fixes alone tell is not in question.
+        // Eight runs with a dozen independent errors each, on three axes: 1σ of their mean is √(6/96) = 0.25; the bound
+        // is 3σ. Without beams only fixes determine the velocity, and it is not tested.
         assert!(beams == 0 || (nees - 3.0).abs() < 0.75, "{beams} beams: NEES {nees}");
         assert!(rms < before, "{beams} beams: {rms} after {before}");
         before = rms;
@@ -62,7 +63,7 @@ fn a_beam_that_sees_a_fish_is_rejected_alone() {
         let name = format!("dvl.beam_{beam}");
         summary.sensors.iter().find(|s| s.name == name).unwrap().rejected
     };
-    // 40 of the beam; of some 500 of each other one in a thousand is usual, more than three are not.
+    // 40 measurements of the beam. Of some 500 of each other beam, one in a thousand is usual, more than three are not.
     assert!(
         [1, 3, 4].iter().all(|beam| rejected(*beam) <= 3),
         "{:?}",

@@ -10,7 +10,7 @@
 //! | `toml,extends=DESIGN` | has to pass together with DESIGN, which it includes |
 //! | `text`, `rust,ignore` | nothing |
 //!
-//! A chapter has a folder of its own, in which `configs`, `examples` and `book` are those of the repository.
+//! Each chapter has its own folder, in which `configs`, `examples` and `book` are those of the repository.
 
 use crate::real::data;
 use crate::support::{Workspace, squeezed};
@@ -124,8 +124,8 @@ fn commands(text: &str) -> Vec<(&str, Vec<&str>)> {
     commands
 }
 
-/// Whether a printed word is the one that the book shows: `…` stands for any, and a number may differ by one in
-/// its last digit, since processors round differently.
+/// Returns true if a printed word matches the word in the book. `…` matches any word. A number may differ by one in its
+/// last digit, since processors round differently.
 fn is_word(shown: &str, printed: &str) -> bool {
     let digits = |word: &str| {
         let (mantissa, exponent) = word.split_once('e').unwrap_or((word, "0"));
@@ -134,7 +134,7 @@ fn is_word(shown: &str, printed: &str) -> bool {
     };
     let is_near = || {
         let (a, b) = (shown.parse::<f64>().ok()?, printed.parse::<f64>().ok()?);
-        // 1 %: rounding of the difference itself.
+        // 1 %: rounding of the difference.
         Some((a - b).abs() <= 1.01 * 10_f64.powi(digits(shown)?))
     };
     shown == printed || shown == "…" || is_near() == Some(true)
@@ -145,7 +145,7 @@ fn is_line(shown: &str, printed: &str) -> bool {
     shown.clone().count() == printed.clone().count() && shown.zip(printed).all(|(s, p)| is_word(s, p))
 }
 
-/// The lines shown that were not printed after those before them, each with the printed line that is most like it.
+/// The shown lines that were not printed in this order, each with the most similar printed line.
 fn missing<'a>(shown: &[&'a str], printed: &str) -> Vec<(&'a str, String)> {
     let printed = squeezed(printed);
     let (mut rest, mut missing) = (&printed[..], Vec::new());
@@ -173,7 +173,7 @@ struct Chapter {
 }
 
 impl Chapter {
-    /// Runs a line of shell here, the recorded logs in `data`, and returns its exit code and all that it printed.
+    /// Runs a shell line in this folder, with the recorded logs in `data`. Returns its exit code and its output.
     fn shell(&self, line: &str, data: &Path) -> (Option<i32>, String) {
         let binary = Path::new(env!("CARGO_BIN_EXE_fusion")).parent().unwrap();
         let path = std::env::var_os("PATH").unwrap_or_default();
@@ -185,7 +185,7 @@ impl Chapter {
         (out.status.code(), text)
     }
 
-    /// What it shows and does not print.
+    /// The lines that the block shows but the command does not print.
     fn run(&self, block: &Block, place: &str) -> String {
         let data = if block.is("data") { data() } else { Some(PathBuf::new()) };
         let (Some(data), mut told) = (data, String::new()) else {
@@ -240,7 +240,7 @@ fn try_out(file: &str) {
     Chapter { path, workspace }.try_out();
 }
 
-/// The targets of the links in a text that is no code.
+/// The targets of the links in a text, except in code.
 fn links(text: &str) -> Vec<String> {
     let mut is_code = false;
     let prose = text.lines().filter(|line| {
@@ -251,7 +251,7 @@ fn links(text: &str) -> Vec<String> {
     targets.map(|(target, _)| target.to_owned()).collect()
 }
 
-/// What a heading is called in a link, by mdBook as by GitHub.
+/// The link names of headings, as mdBook and GitHub make them.
 fn anchors(text: &str) -> BTreeSet<String> {
     let mut is_code = false;
     let headings = text.lines().filter(|line| {
@@ -266,7 +266,7 @@ fn anchors(text: &str) -> BTreeSet<String> {
     headings.map(anchor).collect()
 }
 
-/// What is wrong with the links of a page.
+/// The broken links of a page.
 fn broken(page: &Path) -> Vec<String> {
     let is_wrong = |link: &String| {
         let (file, anchor) = link.split_once('#').unwrap_or((link.as_str(), ""));
@@ -304,7 +304,7 @@ fn the_summary_lists_every_chapter() {
 
 #[test]
 fn a_chapter_links_within_the_book() {
-    // mdBook copies nothing from elsewhere.
+    // mdBook copies no files from outside.
     for file in CHAPTERS {
         let outside: Vec<String> = links(&read(&source(file)))
             .into_iter()

@@ -1,11 +1,10 @@
-//! The INS-GPS design with outliers, a hundred seeds of each scenario, against the figures it is
-//! built for. `cargo test --release --test main campaigns -- --nocapture` prints them.
+//! The INS-GPS design with outliers, a hundred seeds of each scenario, compared with its required figures. `cargo test
+//! --release --test main campaigns -- --nocapture` prints them.
 //!
-//! Bounds without a reason beside them are those that were set for the design before it was built:
-//! RMS in [0.3, 1.6] m and maximum 3.5 m per axis, a gate that gains 20 % in 95 of 100 seeds and
-//! refuses less than 0.1 % of sound fixes; RMS below 0.3 m in the first experiment, 0.8 to 1.4 m
-//! between GPS and navigation in the second; a spike within 3 m, a gap of 25 m within 8 fixes, an
-//! inertial fault within 45 s.
+//! Bounds without a comment are the requirements that were set before the design was built: RMS in [0.3, 1.6] m and
+//! maximum 3.5 m per axis; a gate that gains 20 % in 95 of 100 seeds and rejects less than 0.1 % of good fixes; RMS
+//! below 0.3 m in the first experiment, 0.8 to 1.4 m between GPS and navigation in the second; a spike within 3 m, a
+//! gap of 25 m within 8 fixes, an inertial fault within 45 s.
 
 use fusion::config::Document;
 use fusion::design::Design;
@@ -34,10 +33,10 @@ fn campaign(variants: &str, set: &[&str]) -> Campaign {
     monte_carlo(&design(variants, set), &Options::default(), RUNS, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
 }
 
-/// The design as it stands.
+/// The design without changes.
 static BASE: LazyLock<Campaign> = LazyLock::new(|| campaign("", &[]));
 
-/// Root of the mean square over the runs, per axis.
+/// RMS over all runs, per axis.
 fn pooled(campaign: &Campaign) -> [f64; 3] {
     core::array::from_fn(|i| campaign.spread(|r| r.rms[i].powi(2)).unwrap().mean.sqrt())
 }
@@ -50,7 +49,7 @@ fn gps(row: &RunRow) -> &SensorStatistics {
     row.sensors.iter().find(|s| s.name == "gps_position").unwrap()
 }
 
-/// Over all runs.
+/// The sum over all runs.
 fn sum(campaign: &Campaign, count: impl Fn(&SensorStatistics) -> u64) -> u64 {
     campaign.rows.iter().map(|r| count(gps(r))).sum()
 }
@@ -59,13 +58,13 @@ fn missed(gps: &SensorStatistics) -> u64 {
     gps.disturbed.unwrap().missed
 }
 
-/// The longest refusal of any run: measurements and seconds.
+/// The longest series of rejections in any run: measurements and seconds.
 fn longest(campaign: &Campaign) -> (u64, f64) {
     let streaks = campaign.rows.iter().filter_map(|r| gps(r).longest_rejection_streak);
     streaks.fold((0, 0.0), |(n, t), r| (n.max(r.measurements), t.max(r.seconds)))
 }
 
-/// At the end, or for longer than an inertial fault may take.
+/// No lockout at the end, and none longer than an inertial fault may take.
 fn never_locked_out(campaign: &Campaign) {
     assert!(campaign.rows.iter().all(|r| !gps(r).ends_denied) && longest(campaign).1 <= 45.0);
 }
@@ -84,8 +83,8 @@ fn the_design_bears_outliers_and_without_its_gate_it_does_not() {
         println!("  axis {i}: max {:.2} m on average, {:.2} m at worst", max.mean, max.max);
         assert!((0.3..1.6).contains(&rms) && max.mean < 3.5);
     }
-    // The fixes are wrong by 0.8 m, 1σ, for a minute at a time, which no gate sees and no average
-    // takes away: of 300 axes one or two see more than four sigma of the whole error.
+    // The fixes have an error of 0.8 m (1σ) for a minute at a time. No gate detects it and no average removes it: of
+    // 300 axes one or two exceed four sigma of the whole error.
     assert!(within >= 97, "{within}");
     let gain: Vec<f64> = gated
         .rows
@@ -118,7 +117,7 @@ fn slow_errors_as_states_make_the_filter_consistent() {
     for (i, name) in ["position", "velocity", "attitude"].into_iter().enumerate() {
         let judged = c.judge(|r| r.nees[i]).unwrap();
         println!("slow errors: NEES of {name} {:.2}, band {:.2?}", judged.mean, judged.band);
-        // Errors within a tenth of what it believes: the scale errors of the unit are no states.
+        // The errors agree with the filter's σ within a tenth: the scale errors of the unit are not states.
         assert!(((judged.mean / 3.0).sqrt() - 1.0).abs() < 0.1, "{name} {judged:?}");
     }
 }
@@ -129,7 +128,7 @@ fn the_attitude_may_come_from_a_filter_of_its_own() {
     println!("unified {unified:.3?} m, cascaded {cascaded:.3?} m");
     for i in 0..3 {
         assert!((0.3..1.6).contains(&cascaded[i]));
-        // The error is that of the fixes in both; 10 %: what a tilt of 0.1 deg adds.
+        // In both, the error of the fixes dominates. 10 %: the additional error from a tilt of 0.1 deg.
         assert!((cascaded[i] / unified[i] - 1.0).abs() < 0.1);
     }
 }
@@ -151,7 +150,7 @@ fn the_second_experiment_differs_from_its_fixes_as_published() {
         let max = c.spread(|r| gps(r).innovations.max[i]).unwrap();
         println!("square, GPS less navigation, axis {i}: RMS {rms:.2?} m, max {max:.2?} m");
         let within = c.rows.iter().filter(|r| (0.8..1.4).contains(&gps(r).innovations.rms[i])).count();
-        // All but the few whose slow error is drawn far out.
+        // All runs except the few with a very large slow error.
         assert!((0.8..1.4).contains(&rms.mean) && within >= 98, "{within}");
     }
     assert_eq!(sum(&c, missed), 0);
@@ -176,7 +175,7 @@ fn the_second_experiment_differs_from_its_fixes_as_published() {
         }
     }
     println!("square: fastest {fastest:.2?} m/s");
-    // 0.1 m/s: three sigma of the velocity, twice.
+    // 0.1 m/s: twice three sigma of the velocity.
     assert!((fastest[0] - 0.6).abs() < 0.1 && (fastest[1] - 0.3).abs() < 0.1, "{fastest:?}");
 }
 
@@ -219,8 +218,8 @@ fn after_a_gap_the_fixes_are_believed_within_eight() {
         longest(&c)
     );
     assert!(drift.mean > 25.0 && longest(&c).0 < 8);
-    // As without the gap, where the largest of 100 runs is 1.8 m; twice for the minutes that the
-    // biases take to settle again.
+    // As without the gap, where the largest of 100 runs is 1.8 m. A factor of two for the minutes until the biases
+    // settle again.
     assert!(left.max < 3.6);
     never_locked_out(&c);
 }
@@ -229,7 +228,7 @@ fn after_a_gap_the_fixes_are_believed_within_eight() {
 fn an_estimate_that_runs_away_is_caught_within_45_seconds() {
     let c = campaign("stress+ins-fault", &[]);
     let drift = c.spread(|r| r.max[0].hypot(r.max[1])).unwrap();
-    // The fault sets in at 200 s.
+    // The fault begins at 200 s.
     let after = campaign("stress+ins-fault", &["reference.from=245 s"]);
     let left = after.spread(|r| r.max[0].max(r.max[1])).unwrap();
     println!(
@@ -267,7 +266,7 @@ fn the_straight_run_of_the_robot_ends_near_its_target_in_nine_of_ten_runs() {
     assert!(near >= 45, "{near}");
 }
 
-/// The beginning of the sea trial, with the first of its episodes; the book has the command for the whole.
+/// The beginning of the sea trial, with the first of its episodes. The book has the command for the whole trial.
 const BEGINNING: &str = "simulation.longest=2000";
 
 #[test]
@@ -294,6 +293,7 @@ fn the_sea_trial_is_better_with_the_filter_than_without_in_each_of_twenty_runs()
         [0, 1, 2].map(|k| (outside(k).mean, outside(k).band))
     );
     assert!(outside(0).is_consistent(), "{:?}", outside(0));
-    // Speeds and angles are known better than they are said to be, not worse: slip and heading of the ship are.
+    // The filter may be conservative for speeds and angles, but not overconfident. Slip and heading of the ship are
+    // consistent.
     assert!((1..3).all(|k| outside(k).mean < outside(k).band.1), "{:?}", outside(1));
 }

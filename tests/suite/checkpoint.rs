@@ -1,4 +1,4 @@
-//! Stopped at any row and gone on from a checkpoint: the same as without a stop.
+//! Stops at any row and resumes from a checkpoint: the same results as without a stop.
 
 use super::real::real_design;
 use super::rewind::{Fed, designs, feed, navigator, rows, shipped, shuffled, troubled};
@@ -10,7 +10,7 @@ use fusion::design::Design;
 use fusion::run::Options;
 use std::path::Path;
 
-/// The number of events, and of their texts, which show every bit.
+/// The number of events, and a hash of their texts, which show every bit.
 #[derive(Debug, Default, PartialEq)]
 struct Told(u64, u64);
 
@@ -25,15 +25,15 @@ impl Told {
     }
 }
 
-/// Feeds `rows` to the end and hears what is told; everything that is remembered then.
+/// Feeds `rows` to the end and records the events. Returns them with the final memory.
 fn end(nav: &mut Navigator, rows: &[Fed]) -> (Told, Vec<u8>) {
     let mut told = Told::default();
     feed(nav, rows, true, &mut |event| told.hear(event));
     (told, nav.checkpoint())
 }
 
-/// Stops at three rows, goes on in a navigator that is newly assembled, and compares all that is told and
-/// remembered with a run without a stop.
+/// Stops at three rows, resumes in a newly assembled navigator, and compares all events and the memory with a run
+/// without a stop.
 fn resumes(name: &str, design: &Design, rows: &[Fed]) {
     let mut random = Lcg::new(rows.len() as u64);
     for _ in 0..3 {
@@ -49,7 +49,7 @@ fn resumes(name: &str, design: &Design, rows: &[Fed]) {
     }
 }
 
-/// In order of time, and rewinding with late streams.
+/// In order of time, and with rewinding and late streams.
 fn obeys(name: &str, read: impl Fn(&[&str]) -> (Design, Options), most: usize) {
     let (holding, options) = read(&["run.reorder=\"0.5 s\""]);
     let rows = rows(&holding, &options, most);

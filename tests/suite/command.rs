@@ -33,7 +33,7 @@ fn the_built_in_design_runs_without_a_file() {
     shows(ran, &parts);
 }
 
-/// Of a screen's length, and the rest is a word away.
+/// The first output fits on a screen, and `--verbose` shows the rest.
 #[test]
 fn the_first_lines_say_what_the_run_was_and_how_it_went() {
     let w = Workspace::new("command-brief");
@@ -109,18 +109,18 @@ fn variants_are_compared_in_one_table_and_one_page() {
     let w = Workspace::new("command-compare");
     let ran = w.fusion(&["compare", "--variant", "base,ekf", "--out", "both"]);
     let ran = ran.success().stderr("").stdout(narrow());
-    // Heads are broken where there are many columns.
+    // Headers are wrapped if there are many columns.
     shows(ran, &["base", "ekf", "RMS N", "rejected", "epoch"]);
     assert!(w.read("both/report.html").contains("ekf"));
     w.fusion(&["compare", "--variant", "base,nobody"]).code(2);
-    // Where one design is wanted, several are no name of one.
+    // A list of variants is not accepted where one design is required.
     let listed = w.fusion(&["run", "--variant", "ekf,no-gate"]).code(2);
     listed
         .stderr(contains("has no variant `ekf,no-gate`"))
         .stderr(contains("`--variant ekf+no-gate`"));
 }
 
-/// NIS of three rows is shown over three, beside the counts and innovations of each sensor.
+/// NIS of three rows is divided by three, and shown next to the counts and innovations of each sensor.
 #[test]
 fn variants_without_a_reference_are_compared_by_their_sensors() {
     let w = Workspace::new("command-compare-sensors");
@@ -142,17 +142,17 @@ fn variants_without_a_reference_are_compared_by_their_sensors() {
     assert_eq!(base[2..4], [sensor["accepted"].clone(), sensor["rejected"].clone()]);
     assert_eq!(sensor["nis"]["dof"], 3);
     assert_eq!(base[4].as_f64().unwrap(), sensor["nis"]["mean"].as_f64().unwrap() / 3.0);
-    // The fixes alternate by up to 2 m where 2 m per axis are declared.
+    // The fixes alternate by up to 2 m; the design declares 2 m per axis.
     assert_eq!(base[5], "conservative");
     assert_eq!(measured["rows"][1]["cells"][1], "ekf");
     let innovations = section("Innovations of accepted measurements");
     let north = &innovations["rows"][0];
     assert_eq!((&north["unit"], &north["cells"][0]), (&json!("m"), &json!("gnss north")));
     assert_eq!(north["cells"][2], sensor["innovations"]["rms"][0]);
-    // The runs of a residual stand beside each other.
+    // The runs are next to each other for each residual.
     let next = &innovations["rows"][1]["cells"];
     assert_eq!((&next[0], &next[1]), (&json!("gnss north"), &json!("ekf")));
-    // Nothing is said of NEES, which there is none of.
+    // NEES is not shown, because there is no reference.
     section("Filter time per epoch");
     let scored = w.fusion(&["compare", "--variant", "base,ekf"]).success();
     let scored = stdout(&scored);
@@ -201,7 +201,7 @@ fn a_campaign_tells_what_half_of_its_runs_say() {
     ] {
         assert!(told.contains(part), "{part}: {told}");
     }
-    // What one run in twenty says by chance is not told.
+    // A finding that one run in twenty has by chance is not reported.
     assert!(!of("ins-gps").contains("Look at next"));
 }
 
@@ -234,10 +234,10 @@ fn parameters_are_scored_against_the_truth_that_the_simulation_drew() {
     let (error, sigma) = (column("position.lever_arm_error_1"), column("position.lever_arm_sigma_1"));
     let rows: Vec<csv::StringRecord> = runs.records().map(Result::unwrap).collect();
     let number = |row: &csv::StringRecord, k: usize| row[k].parse::<f64>().unwrap();
-    // Each run draws its own truth, and a filter that is right ends within 4σ of it.
+    // Each run draws its own truth. A correct filter ends within 4σ of it.
     assert!(rows.windows(2).all(|w| number(&w[0], error) != number(&w[1], error)));
     assert!(rows.iter().all(|r| number(r, error).abs() < 4.0 * number(r, sigma)), "{rows:?}");
-    // What was not drawn is truly at its initial value: no proof of a covariance.
+    // A parameter that was not drawn has its initial value as truth, which proves nothing about the covariance.
     let fixed = w
         .fusion(&[&args[..], &["--set", "simulation.draw_parameters=false"]].concat())
         .success();
@@ -257,8 +257,8 @@ fn every_row_is_in_exactly_one_count() {
     w.write("design.toml", design);
     let ran = w.fusion(&["run", "design.toml", "--verbose", "--out", "results"]).success();
     let summary: Value = serde_json::from_str(&w.read("results/summary.json")).unwrap();
-    // Of 60 fixes, one each second from 0 s: the one at 7 s is the first with numbers and starts the
-    // filter, that of 40 s comes at 42.5 s.
+    // 60 fixes, one per second from 0 s. The fix at 7 s is the first with numbers and starts the filter. The fix at 40
+    // s arrives at 42.5 s.
     let common = [("rows", 60), ("before_run", 5), ("after_run", 9)];
     let initialiser = [("used", 1), ("not_finite", 2), ("not_needed", 43)];
     let sensor = [("used", 37), ("late", 1), ("rejected", 2), ("before_start", 3), ("not_finite", 3)];
@@ -279,7 +279,7 @@ fn every_row_is_in_exactly_one_count() {
     shows(
         ran,
         &[
-            // Long heads are broken between words.
+            // Long headers are wrapped between words.
             "consumer stream rows before the after the run before the late not finite",
             "run start",
             "initial.fix gnss 60 5 9 2",
@@ -304,7 +304,7 @@ fn a_recorded_design_runs_and_is_reproduced() {
     assert!(!stdout(&first).contains('\u{1b}'), "no colour in a pipe");
 }
 
-/// The tables of a terminal, of the report and of JSON are drawn from one tree.
+/// The tables of the terminal, the report and JSON come from the same tree.
 #[test]
 fn text_json_and_html_show_the_same_numbers() {
     let w = Workspace::new("command-format");
@@ -321,7 +321,7 @@ fn text_json_and_html_show_the_same_numbers() {
     assert_eq!((&row["unit"], &row["cells"][0]), (&"m".into(), &"gnss north".into()));
     let summary: Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
     let rms = row["cells"][1].as_f64().unwrap();
-    // 1e-12: written in decimals and read again.
+    // 1e-12: the number is written as decimal text and read again.
     assert!((rms - summary["sensors"][0]["innovations"]["rms"][0].as_f64().unwrap()).abs() < 1e-12 * rms);
     let shown = format!("{rms:.3}");
     assert!(
@@ -376,7 +376,7 @@ fn a_name_with_a_comma_is_one_cell_of_every_file() {
     w.fusion(&["run", "design.toml", "--out", "results"]).success();
     w.fusion(&["montecarlo", "design.toml", "-n", "2", "--out", "results"]).success();
     let table = |file: &str| {
-        // A reader that takes no row of another width than the header.
+        // This reader accepts only rows with the width of the header.
         let mut reader = csv::Reader::from_path(w.path(file)).unwrap();
         let header = reader.headers().unwrap().clone();
         let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
@@ -487,7 +487,7 @@ fn a_design_is_checked_without_being_run() {
     check().code(2);
 }
 
-/// Two fixes of the receiver are a kilometre off, and its velocity is right throughout.
+/// Two fixes of the receiver are a kilometre off, but its velocity is always right.
 #[test]
 fn a_sensor_goes_with_another_in_either_order_of_declaration() {
     let w = Workspace::new("command-only-with");
@@ -572,14 +572,14 @@ fn every_block_is_listed_and_described() {
     snapshot("block", &stdout(&w.fusion(&["blocks", "gnss_position"])));
 }
 
-/// What `fusion blocks` shows can be copied into a design.
+/// The examples that `fusion blocks` shows can be copied into a design.
 #[test]
 fn every_example_shown_is_toml_with_its_type() {
     let w = Workspace::new("command-examples");
     for r in fusion::models::registry::all() {
         let shown = stdout(&w.fusion(&["blocks", r.name]));
         for example in shown.split("\nExample\n").skip(1) {
-            // What follows of another block of this name begins at the margin.
+            // The text of another block with this name begins at the margin.
             let example: Vec<&str> = example.lines().take_while(|l| l.is_empty() || l.starts_with(' ')).collect();
             let example = example.join("\n");
             let design: toml::Table = toml::from_str(&example).unwrap_or_else(|e| panic!("{}: {e}\n{example}", r.name));
@@ -594,7 +594,7 @@ fn every_example_shown_is_toml_with_its_type() {
     }
 }
 
-/// A sensor without rows of its own comes with the stage that times it, and so it runs.
+/// A sensor without its own rows has the stage that times it in its example, and so it runs.
 #[test]
 fn the_example_of_a_pseudo_measurement_can_be_appended_to_a_design() {
     let w = Workspace::new("command-paste");
@@ -641,11 +641,11 @@ fn the_schema_is_json() {
     assert_eq!(schema["properties"]["sensor"]["type"], "object");
 }
 
-/// What a run writes at the time of a fix is what the fix has left.
+/// At the time of a fix, a run writes the estimate after the update.
 #[test]
 fn the_estimate_at_a_fix_is_the_one_after_it_in_file_and_score() {
     let w = Workspace::new("command-posterior");
-    // A prior so wide that the fix alone counts: 1σ is 5 m before it and R's 0.2 m after it.
+    // The prior is so wide that only the fix counts: 1σ is 5 m before it, and R's 0.2 m after it.
     let wide = DESIGN
         .replace("position_sigma = \"10 m\"", "position_sigma = \"1 km\"")
         .replace(
@@ -696,10 +696,10 @@ fn check_without_data_says_how_frames_are_judged() {
     std::fs::create_dir(w.path("elsewhere")).unwrap();
     let missing = stdout(&w.fusion(&["check", "design.toml", "--data", "elsewhere"]).success());
     assert!(squeezed(&missing).join(" ").contains("gnss.csv` is not there"), "{missing}");
-    // A minute northwards without a turn: nothing to compare a velocity with but the position.
+    // One minute northwards without a turn: the velocity can be compared only with the position.
     let named = w.fusion(&["check", "design.toml", "--data", "."]).success();
     assert!(!stdout(&named).contains("with `--data DIR`"), "{}", stdout(&named));
-    // The simulated drive has nothing to be judged.
+    // The simulated drive has nothing to judge.
     let simulated = w.fusion(&["check"]).success();
     assert!(!stdout(&simulated).contains("not judged"), "{}", stdout(&simulated));
 }

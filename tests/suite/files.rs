@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 const RUN: [&str; 4] = ["run", "design.toml", "--out", "out"];
 const FILES: [&str; 4] = ["estimates.csv", "updates.csv", "summary.json", "report.html"];
 
-/// Starts the command in `w`; what it prints is not read.
+/// Starts the command in `w`. Its output is not read.
 fn start(w: &Workspace, args: &[&str]) -> Child {
     Command::new(assert_cmd::cargo::cargo_bin!("fusion"))
         .args(args)
@@ -26,7 +26,7 @@ fn fifo(path: &Path) {
     assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
 }
 
-/// Waits until something holds; a machine under load is given a minute.
+/// Waits up to a minute until a condition holds, because the machine may be busy.
 fn until(what: &str, mut holds: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !holds() {
@@ -45,7 +45,7 @@ fn signal(child: &Child, name: &str) {
     assert!(Command::new("kill").args(["-s", name, &pid]).status().unwrap().success());
 }
 
-/// Everything in a folder, by name; a device would be read for ever.
+/// All regular files of a folder, by name. A device would never end.
 fn content(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let entries = fs::read_dir(folder).unwrap().map(Result::unwrap);
     let bytes = |e: &fs::DirEntry| {
@@ -60,8 +60,8 @@ fn content(folder: &Path) -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// A finished run's files, and a second run on other fixes that has written half of its own. It
-/// waits for the rest at a pipe, for ever.
+/// The files of a finished run, and a second run on other fixes that has written half of its files. It waits for the
+/// rest at a pipe, without end.
 fn half_done(w: &Workspace) -> (Vec<(String, Vec<u8>)>, Child, fs::File) {
     half_done_as(w, &RUN)
 }
@@ -76,7 +76,7 @@ fn half_done_as(w: &Workspace, args: &[&str]) -> (Vec<(String, Vec<u8>)>, Child,
     let rows = |t: i32| format!("{t}.0,47.0,8.0,400.0,0.0,0.0,0.0\n");
     let text: String = (0..2000).map(rows).collect();
     write!(pipe, "t,lat,lon,h,vn,ve,vd\n{text}").unwrap();
-    // 8 KiB are held back, some 2000 rows are 600 KiB.
+    // 8 KiB are buffered; some 2000 rows are 600 KiB.
     let partial = w.path("out/.fusion-partial/estimates.csv");
     until("half of the estimates are written", || {
         fs::metadata(&partial).is_ok_and(|m| m.len() > 100_000)
@@ -125,7 +125,7 @@ fn a_killed_run_leaves_the_files_of_the_one_before_and_the_next_one_tidies_up() 
 #[test]
 fn campaigns_and_comparisons_are_stopped_too() {
     let campaign = vec!["montecarlo", "-n", "1000000", "--out", "out"];
-    // A variant many times over: a comparison that takes minutes.
+    // One variant many times: a comparison that takes minutes.
     let variants = ["base"; 2000].join(",");
     let comparison = vec!["compare", "--variant", &variants, "--out", "out"];
     for args in [campaign, comparison] {
@@ -153,7 +153,7 @@ fn two_runs_do_not_write_into_one_folder() {
     assert_eq!(content(&w.path("out")), before);
 }
 
-/// /dev/full takes no byte.
+/// /dev/full accepts no byte.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_file_that_cannot_be_written_is_named_and_the_others_stay_as_they_were() {
@@ -182,12 +182,12 @@ fn a_file_that_cannot_be_written_is_named_and_the_others_stay_as_they_were() {
     }
 }
 
-/// A limit on the size of a file is a disk that becomes full in the middle of a run.
+/// A limit on the file size acts like a disk that becomes full during a run.
 #[test]
 fn a_disk_that_becomes_full_is_told_with_the_name_of_the_file() {
     let w = Workspace::new("files-limit");
     let fusion = assert_cmd::cargo::cargo_bin!("fusion");
-    // In units of 512 or 1024 bytes, by the shell.
+    // The unit is 512 or 1024 bytes, depending on the shell.
     for (limit, file) in [(4, "estimates.csv"), (100, "report.html")] {
         let script = format!("trap '' XFSZ; ulimit -f {limit}; exec \"$0\" run design.toml --out out");
         let mut shell = Command::new("sh");
@@ -206,7 +206,7 @@ fn a_pipe_is_read_as_the_file_would_be() {
     let before = fs::read(w.path("out/estimates.csv")).unwrap();
     fs::remove_file(w.path("gnss.csv")).unwrap();
     fifo(&w.path("gnss.csv"));
-    // Checks do not take the rows away.
+    // Checks do not consume the rows.
     w.fusion(&["check", "design.toml"]).success().stdout(has("gnss csv a pipe"));
     let child = start(&w, &RUN);
     let mut pipe = OpenOptions::new().write(true).open(w.path("gnss.csv")).unwrap();
@@ -233,7 +233,7 @@ fn a_pipe_for_a_result_is_written_while_the_run_goes_on() {
     assert_eq!(w.read("out/estimates.csv"), expected);
     assert!(ended(child).success());
     assert!(fs::metadata(w.path("out/estimates.csv")).unwrap().file_type().is_fifo());
-    // A pipe in place of the folder is a mistake, and not waited for.
+    // A pipe instead of the folder is an error, and the command does not wait for it.
     fifo(&w.path("pipe"));
     let ran = w.fusion(&["run", "design.toml", "--out", "pipe"]).code(2);
     assert!(stderr(&ran).contains("cannot write pipe: it is a file, not a folder"));
@@ -243,7 +243,7 @@ fn a_pipe_for_a_result_is_written_while_the_run_goes_on() {
 fn folders_that_cannot_be_written_are_told_before_the_run() {
     let w = Workspace::new("files-unwritable");
     for sub in ["run", "compare", "montecarlo"] {
-        // Nobody may make folders there, not even root.
+        // No user can make folders there, not even root.
         let ran = w.fusion(&[sub, "design.toml", "--out", "/proc/self/results"]).code(2);
         assert!(stderr(&ran).contains("cannot write /proc/self/results: "), "{}", stderr(&ran));
     }
@@ -268,7 +268,7 @@ fn names_may_be_long() {
     w.fusion(&["montecarlo", "design.toml", "-n", "2", "--out", "out"]).success();
     let both = format!("base,{long}");
     w.fusion(&["compare", "design.toml", "--variant", &both, "--out", "out"]).success();
-    // A file cannot have such a name, which is told.
+    // A file cannot have such a name, and the command reports this.
     let ran = w.fusion(&["run", "design.toml", "--out", &long]).code(2);
     assert!(stderr(&ran).contains("File name too long"), "{}", stderr(&ran));
 }

@@ -1,16 +1,17 @@
-//! What runs of the shipped designs are told to look at next: sound designs nothing, the others what is known of them.
+//! Findings of the shipped designs: none for sound designs, the known problems for the others.
 
 use super::real::data;
 use crate::support::Workspace;
 use serde_json::Value;
 use std::path::Path;
 
-/// Design, variant, and what is found: what it is about, and a part of the advice.
+/// Design, variant, and the findings: the subject, and a part of the advice.
 type Case = (&'static str, &'static str, &'static [(&'static str, &'static str)]);
 
-/// Simulated designs, and what is known of them.
+/// Simulated designs with their known problems.
 const SIMULATED: &[Case] = &[
-    // Fixes err by 0.8 m for a minute, the compass by 0.5° for ever; the design has no state for either.
+    // Fixes have an error of 0.8 m for a minute, the compass has a constant error of 0.5°. The design has no state for
+    // either.
     (
         "ins-gps-outlier",
         "base",
@@ -21,7 +22,7 @@ const SIMULATED: &[Case] = &[
     ),
     // With states for both errors.
     ("ins-gps-outlier", "correlated-bias", &[]),
-    // Without a gate the outliers are seen in the innovations, and nothing else is blamed.
+    // Without a gate the outliers appear in the innovations, and no other cause is reported.
     (
         "ins-gps-outlier",
         "correlated-bias+no-gate",
@@ -41,7 +42,8 @@ const SIMULATED: &[Case] = &[
 
 /// Recorded logs.
 const RECORDED: &[Case] = &[
-    // No truth; the heading is found by the first minutes of fixes, which nothing shows. Fixes were missing for four minutes.
+    // No truth is available. The first minutes of fixes determine the heading, and nothing confirms it. Fixes were
+    // missing for four minutes.
     (
         "real/divesafe",
         "base",
@@ -53,14 +55,14 @@ const RECORDED: &[Case] = &[
     ),
     ("real/husky", "base", &[]),
     ("real/broad", "base", &[]),
-    // The heading of its reference errs by 0.3°, which the course of the reference's own velocity shows.
+    // The heading of the reference has an error of 0.3°, which the course of the reference's velocity shows.
     (
         "real/pntos-car",
         "base",
         &[("heading", "give the heading of the reference a 1σ of")],
     ),
     ("real/rtklib-drive", "base", &[]),
-    // Its attitude reference is that of another body, 0.6° off.
+    // The attitude reference belongs to another body, 0.6° off.
     (
         "real/tumvi",
         "base",
@@ -68,7 +70,7 @@ const RECORDED: &[Case] = &[
     ),
 ];
 
-/// The settings with a value that advice names, as `--set` takes them.
+/// The settings that the advice names with a value, in the form that `--set` accepts.
 fn settings(about: &str, advice: &str) -> Vec<String> {
     let quoted = advice
         .split('`')
@@ -127,9 +129,9 @@ fn of_recorded_logs() {
     }
 }
 
-/// A log of the car whose receiver errs by 0.4 m/s until 90 s, five times what the design declares, and says so.
+/// A log of the car. Until 90 s the receiver has errors of 0.4 m/s, five times the declared noise, and reports this 1σ.
 fn poor_at_first(data: &Path) -> String {
-    /// As wide, and evenly distributed [m/s].
+    /// The width of a uniform distribution with this 1σ \[m/s\].
     const WIDTH: f64 = 1.4;
     let text = std::fs::read_to_string(data.join("rtklibexplorer_drive/derived/gnss.csv")).unwrap();
     let (head, rows) = text.split_once('\n').unwrap();

@@ -1,5 +1,5 @@
-//! Gaps and spikes of the inertial unit: on a recorded drive with single-point GNSS, and on a simulated
-//! one, with gated GNSS that a wrong prediction would lock out.
+//! Gaps and spikes of the inertial unit: on a recorded drive with single-point GNSS, and on a simulated drive whose
+//! GNSS gates would reject all fixes after a wrong prediction.
 
 use super::real::{real, recorded};
 use fusion::config::Document;
@@ -7,7 +7,7 @@ use fusion::core::health::State;
 use fusion::design::Design;
 use fusion::run::{Options, Summary, run};
 
-/// Gates that a prediction without its true uncertainty locks out.
+/// Gates that reject good fixes if the prediction is overconfident.
 const GATES: [&str; 2] = [
     r#"sensor.gnss_position.gate={ type = "nis", probability = 0.999 }"#,
     r#"sensor.gnss_velocity.gate={ type = "nis", probability = 0.999 }"#,
@@ -21,8 +21,8 @@ fn rejected(summary: &Summary) -> u64 {
     summary.sensors.iter().map(|s| s.rejected).sum()
 }
 
-/// The car's run with `faults`: its largest horizontal error is below `bound` \[m\], and fewer than 15
-/// fixes are rejected.
+/// Runs the car with `faults`. Its largest horizontal error is below `bound` \[m\], and fewer than 15 fixes are
+/// rejected.
 fn car(faults: &[String], bound: f64) -> Summary {
     let sets: Vec<&str> = GATES.into_iter().chain(faults.iter().map(String::as_str)).collect();
     let summary = real("pntos-car", &[], &sets).unwrap();
@@ -37,8 +37,8 @@ fn a_car_comes_through_gaps_of_its_inertial_unit() {
     if !recorded() {
         return;
     }
-    // The bounds are those of the specification; without a gap the largest error is 2.8 m. At 905 s
-    // the car stands, pulls away 13 s later and turns by 90° in the gap of 30 s.
+    // The bounds are those of the specification. Without a gap the largest error is 2.8 m. At 905 s the car is at rest.
+    // It pulls away 13 s later and turns by 90° in the gap of 30 s.
     for from in [600.0, 905.0] {
         for seconds in [1.0, 2.0, 5.0] {
             car(&[outage("imu", from, seconds)], 3.5);
@@ -47,9 +47,9 @@ fn a_car_comes_through_gaps_of_its_inertial_unit() {
     for from in [905.0, 1200.0, 2050.0] {
         car(&[outage("imu", from, 30.0)], 5.0);
     }
-    // GNSS silent too.
+    // GNSS is silent too.
     car(&[outage("imu", 600.0, 5.0), outage("gnss", 600.0, 5.0)], 5.0);
-    // Moments that nobody chose.
+    // Arbitrary moments.
     for k in 0..6 {
         car(&[outage("imu", 300.0 + 317.3 * f64::from(k), 5.0)], 5.0);
     }
@@ -67,7 +67,7 @@ fn a_single_sample_of_any_size_costs_a_car_less_than_half_a_metre() {
             r#"source.imu.fault.spike={{ type = "spike", channel = "{channel}", value = [{value}, {value}, {value}], window = {window} }}"#
         )
     };
-    // 0.49 rad/s and 2.9 m/s² are just within what the vehicle may do.
+    // 0.49 rad/s and 2.9 m/s² are just within the limits of the vehicle.
     for (at, rate, force) in [(600.0, 0.49, 2.9), (700.0, 9.0, 50.0), (1300.0, -35.0, -300.0), (1999.0, 1e6, 1e6)] {
         for fault in [spike("angular_rate", at, rate), spike("specific_force", at, force)] {
             car(&[fault], clean + 0.5);
@@ -151,8 +151,8 @@ fn a_simulated_car_comes_through_gaps_on_a_straight_road_and_in_a_bend() {
             let summary = drive(&[gap]);
             let (max, rejected) = (summary.score.as_ref().unwrap().horizontal_max, rejected(&summary));
             eprintln!("{from} {seconds} s: max {max:.2} m, {rejected} rejected");
-            // Within the gap GNSS alone holds the position: fixes of 1 m, and ½·3.3 m/s² of the bend over
-            // the second between two of them. After 5 s in it the heading is 90° off, with a 1σ of 80°.
+            // Within the gap only GNSS holds the position: fixes of 1 m, and ½·3.3 m/s² of the bend over the second
+            // between two of them. After 5 s in the gap the heading is 90° off, with a 1σ of 80°.
             assert!(
                 max <= clean + 4.0 && rejected < 15,
                 "{from} {seconds} s: {max} m, {rejected} rejected"
@@ -168,7 +168,7 @@ fn a_slow_unit_with_a_hole_in_a_bend_goes_on_turning() {
     let heading = |faults: &[String]| drive(faults).score.unwrap().attitude_deg.unwrap().max[2];
     let (clean, holed) = (heading(std::slice::from_ref(&slow)), heading(&[slow, hole]));
     eprintln!("heading: {clean:.2} deg, with the hole {holed:.2} deg");
-    // The car turns by 19 deg/s: a heading that stood still would be 5.5 deg off.
+    // The car turns by 19 deg/s: a heading that stays constant would be 5.5 deg off.
     assert!(holed < clean + 2.0, "{clean} {holed}");
 }
 
@@ -177,8 +177,8 @@ fn a_car_finds_its_heading_after_gaps_of_everything_that_it_measures() {
     if !recorded() {
         return;
     }
-    // The first of fifty gaps drawn between 95 s and 430 s, of 2 s to 25 s: the car turns in most of them, and comes out
-    // on the opposite course of those from 307, 348 and 105 s. It stands at the beginning of that from 266 s.
+    // The first of fifty gaps drawn between 95 s and 430 s, of 2 s to 25 s. The car turns in most of them, and leaves
+    // the gaps from 307, 348 and 105 s on the opposite course. It is at rest at the beginning of the gap from 266 s.
     for (from, seconds) in [
         (376.4, 5.1),
         (347.6, 17.0),

@@ -1,5 +1,5 @@
-//! Health: shipped designs are in good health on data that nothing disturbs, and a filter that is
-//! led astray says so before its error passes ten times its 3σ. Nobody tells it the truth.
+//! Health: shipped designs are in good health on undisturbed data. A filter that diverges reports it before its error
+//! exceeds ten times its 3σ. It does not know the truth.
 
 use crate::support::{Workspace, has, stderr};
 use fusion::config::Document;
@@ -11,8 +11,8 @@ use fusion::observe::{RunEvent, RunObserver};
 use fusion::run::{Options, Run};
 use std::path::{Path, PathBuf};
 
-/// The design `configs/NAME.toml` with variants and overrides, and how to run it; `None` where its
-/// recorded data are missing.
+/// The design `configs/NAME.toml` with variants and overrides, and its run options. `None` if its recorded data are
+/// missing.
 fn design(name: &str, variants: &[&str], sets: &[&str]) -> Option<(Design, Options)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let data = std::env::var_os("FUSION_DATA").map_or_else(|| root.join("../shared/data"), PathBuf::from);
@@ -34,17 +34,17 @@ fn design(name: &str, variants: &[&str], sets: &[&str]) -> Option<(Design, Optio
     Some((Design::read(document).unwrap_or_else(|e| panic!("{e}")), options))
 }
 
-/// What a filter said, beside what was true.
+/// The reported health and the true error.
 #[derive(Debug, Default)]
 struct Watch {
     state: State,
-    /// When the position error first passed so many of its 3σ, and the state then.
+    /// When the position error first exceeded this multiple of its 3σ, and the state then.
     passed: Option<(f64, State)>,
     /// The largest of these ratios.
     worst: f64,
 }
 
-/// Ten times its 3σ: the error at which a filter must have spoken.
+/// Ten times its 3σ: the filter must have reported its error before.
 const ASTRAY: f64 = 10.0;
 
 impl RunObserver for Watch {
@@ -106,7 +106,7 @@ fn shipped_designs_are_in_good_health_where_nothing_disturbs_them() {
     }
 }
 
-/// Both GNSS sensors of the car behind a gate.
+/// Both GNSS sensors of the car have a gate.
 const GATED: [&str; 2] = [
     "sensor.gnss_position.gate={ type = \"nis\", probability = 0.999 }",
     "sensor.gnss_velocity.gate={ type = \"nis\", probability = 0.999 }",
@@ -117,14 +117,14 @@ fn fault(source: &str, kind: &str) -> String {
     format!("source.{source}.fault.test={{ {kind} }}")
 }
 
-/// The car up to 700 s, where it drives through a town.
+/// The car until 700 s, when it drives through a town.
 fn car(sets: &[&str]) -> Option<(FilterHealth, Watch)> {
     let sets: Vec<&str> = ["run.stop=700 s"].iter().chain(sets).copied().collect();
     let (health, watch) = watched("real/pntos-car", &[], &sets)?;
     Some((health.into_iter().next()?, watch))
 }
 
-/// It survives, or it speaks before its error passes ten times its 3σ.
+/// It survives, or it reports the fault before its error exceeds ten times its 3σ.
 fn speaks(what: &str, sets: &[&str]) {
     let Some((health, watch)) = car(sets) else { return };
     let spoke = watch.passed.is_none_or(|(_, state)| state >= State::Degraded);
@@ -222,7 +222,7 @@ fn a_slow_sensor_that_is_rejected_for_long_is_told() {
     let Some((health, _)) = car(&[GATED[0], GATED[1], slow, &spike]) else {
         return;
     };
-    // Three fixes ten seconds apart, and ten to the first of them.
+    // Three fixes at intervals of ten seconds, and ten seconds to the first of them.
     let told = health.transitions.iter().find(|t| t.time > 600.0);
     assert!(
         told.is_some_and(|t| t.state >= State::Degraded && t.time < 631.0),
@@ -235,7 +235,7 @@ fn a_slow_sensor_that_is_rejected_for_long_is_told() {
     assert!(health.is_good(), "{:#?}", health.transitions);
 }
 
-/// A barometer whose bias is estimated and which no gate guards, beside GNSS behind gates.
+/// A barometer with an estimated bias and without a gate, and GNSS with gates.
 const BAROMETER: [&str; 4] = [
     "sensor.velocity.gate={ type = \"nis\", probability = 0.999 }",
     "sensor.baro={ type = \"barometer\", source = \"baro\", bias = { estimate = true, initial = 0, sigma = \"10 m\" }, noise = { sigma = \"20 Pa\" } }",
@@ -278,7 +278,7 @@ fn a_walk_that_zero_velocities_no_longer_hold_is_told_half_a_minute_later() {
     };
     let (ill, worst) = sees(&[], &[]);
     assert!(ill.is_none() && worst < 1.5, "held: {ill:?} {worst}");
-    // The last one is used at 40 s at the latest; without any, none since the start.
+    // The last fix is used at 40 s at the latest. Without fixes, no fix is used since the start.
     for (variants, sets, from) in [(&[][..], &[shaken][..], 69.0..71.0), (&["free"], &[], 29.0..31.0)] {
         let (ill, _) = sees(variants, sets);
         let ill = ill.unwrap();
@@ -296,7 +296,7 @@ fn what_a_declared_outage_leaves_behind_is_of_that_outage() {
     let sets = minute.iter().flat_map(|set| ["--set", set.as_str()]);
     let arguments: Vec<&str> = ["run", "mine.toml", "--variant", "jammed"].into_iter().chain(sets).collect();
     let said = crate::support::stdout(&w.fusion(&arguments).success());
-    // Silence is told for 5 s after it has ended.
+    // Silence is reported for 5 s after its end.
     assert!(said.contains("all within declared outages or just after them"), "{said}");
 }
 
@@ -321,7 +321,7 @@ fn health_is_printed_written_and_an_exit_code_where_that_is_asked_for() {
     let summary: serde_json::Value = serde_json::from_str(&w.read("good/summary.json")).unwrap();
     let own = &summary["health"][0];
     assert_eq!((&own["state"], &own["worst"]), (&"good".into(), &"good".into()));
-    // A limit that no filter with fixes meets: the position is known better soon.
+    // A filter with fixes cannot meet this limit: the position soon has a smaller σ.
     let ill = ["run", "--set", "health.floor.position=1 m", "--out", "ill"];
     w.fusion(&ill).success();
     let strict: Vec<&str> = ill.iter().chain(&["--strict"]).copied().collect();

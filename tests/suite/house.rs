@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// The crates, those that depend on none first, as ARCHITECTURE.md draws them: folder, package, and the packages that it may use.
+/// The crates in order of dependency, as ARCHITECTURE.md draws them: folder, package, and the packages that it may use.
 const CRATES: [(&str, &str, &[&str]); 9] = [
     ("kernels", "fusion-kernels", &[]),
     ("fusion-core", "fusion-core", &["fusion-kernels"]),
@@ -33,7 +33,7 @@ const CRATES: [(&str, &str, &[&str]); 9] = [
     ),
 ];
 
-/// What only a command needs: a vehicle links none of it.
+/// Packages that only a command needs: a vehicle links none of them.
 const OF_A_COMMAND: [&str; 7] = ["clap", "comfy-table", "indicatif", "maud", "rayon", "signal-hook", "terminal_size"];
 
 /// The names of `[dependencies]` of a folder.
@@ -73,7 +73,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// The module of the crate in which a file is: the first part of its path.
+/// The module of the crate that contains a file: the first part of its path.
 fn module(file: &Path, folder: &Path) -> String {
     let inside = file.strip_prefix(folder).unwrap();
     let first = inside.components().next().unwrap().as_os_str();
@@ -95,7 +95,7 @@ fn used(text: &str) -> BTreeSet<String> {
     names
 }
 
-/// Which module uses which others of its crate.
+/// For each module, the other modules of its crate that it uses.
 fn arrows(folder: &Path) -> BTreeMap<String, BTreeSet<String>> {
     let mut files = Vec::new();
     sources(folder, &mut files);
@@ -110,7 +110,7 @@ fn arrows(folder: &Path) -> BTreeMap<String, BTreeSet<String>> {
             continue;
         }
         let text = fs::read_to_string(file).unwrap();
-        // Tests stand at the end of a file.
+        // Tests are at the end of a file.
         let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap();
         let code: String = text
             .lines()
@@ -123,7 +123,7 @@ fn arrows(folder: &Path) -> BTreeMap<String, BTreeSet<String>> {
     arrows
 }
 
-/// What is left when modules that use no other of them are taken away again and again: those of circles, and what uses them.
+/// Repeatedly removes modules that use no remaining module. The rest are modules in cycles, and modules that use them.
 fn tied(mut arrows: BTreeMap<String, BTreeSet<String>>) -> BTreeMap<String, BTreeSet<String>> {
     loop {
         let free: BTreeSet<String> = arrows

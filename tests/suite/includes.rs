@@ -21,7 +21,7 @@ fn composed(test: &str, part: &str) -> Workspace {
     w
 }
 
-/// What a run of these arguments wrote.
+/// The files that a run with these arguments wrote.
 fn results(w: &Workspace, args: &[&str]) -> [String; 2] {
     w.fusion(&[&["run"], args, &["--out", "out"]].concat()).success();
     ["out/estimates.csv", "out/updates.csv"].map(|file| w.read(file))
@@ -87,7 +87,7 @@ fn what_is_no_design_is_not_read() {
     );
     assert!(said("level0.toml").contains("more than 262144 values together"));
     if cfg!(unix) {
-        // Neither waits for a writer that never comes.
+        // Neither waits for a writer that never opens the pipe.
         let made = std::process::Command::new("mkfifo").arg(w.path("pipe.toml")).status();
         assert!(made.unwrap().success());
         assert!(said("pipe.toml").contains("it is a pipe or a device"));
@@ -166,7 +166,7 @@ fn a_program_reads_parts_from_a_file_or_a_folder() {
 #[test]
 fn the_built_in_design_finds_its_parts_from_anywhere() {
     let w = Workspace::new("include-built-in");
-    // But for the second line, which names the file.
+    // Except the second line, which names the file.
     let checked = |args: &[&str]| {
         let lines = stdout(&w.fusion(&[&["check"], args].concat()).success());
         lines
@@ -198,7 +198,7 @@ fn shipped_designs_of_parts_are_the_same_when_flat() {
     }
 }
 
-/// A filter that follows the attitude of another inside a stage, whose tables are `inside`.
+/// A filter that follows the attitude of another filter inside a stage, whose tables are `inside`.
 fn cascade(inside: &str) -> String {
     format!(
         "[process]
@@ -254,7 +254,7 @@ tilt_sigma = 0.03
     };
     assert_eq!(values("apart.toml"), values("whole.toml"));
     assert!(Navigator::from_file(w.path("apart.toml")).is_ok());
-    // A mistake in it is shown in it.
+    // A mistake in the inner file is shown at its place in that file.
     w.write("attitude.toml", own.replace("gyro_noise", "gyro_nose"));
     let mistakes = Navigator::from_file(w.path("apart.toml")).unwrap_err().to_string();
     assert!(mistakes.contains("attitude.toml:4:1"), "{mistakes}");

@@ -1,4 +1,4 @@
-//! First designs that are guessed from recorded logs, run against the designs that were made by hand.
+//! First designs that are guessed from recorded logs, compared with the designs that were made by hand.
 
 use crate::real::{data, recorded};
 use crate::support::{Workspace, stderr, stdout};
@@ -38,8 +38,8 @@ fn a_car_runs_by_what_is_guessed_from_its_folder() {
     let Some(score) = guessed(&["pntos_cobra_car/derived"]).map(|s| s.score.unwrap()) else {
         return;
     };
-    // By hand 1.435 m. 1.877 m were measured: 1.2 m of it is the reference's point, which lies ahead of the unit and
-    // which no file tells. A wrong axis, sign or unit costs tens of metres. A twentieth is left for tuning.
+    // By hand 1.435 m. Measured 1.877 m: 1.2 m of it is the offset of the reference point, which is ahead of the unit
+    // and in no file. A wrong axis, sign or unit costs tens of metres. One twentieth is left for tuning.
     assert!(score.horizontal_rms < 1.98, "{}", score.horizontal_rms);
     // By hand 0.36 deg; 0.46 measured.
     assert!(score.attitude_deg.unwrap().rms[2] < 0.6, "{:?}", score.attitude_deg);
@@ -52,7 +52,7 @@ fn a_car_that_creeps_in_an_outage_is_not_taken_for_one_that_stands() {
     let Some(summary) = guessed_and(&["pntos_cobra_car/derived"], outages) else {
         return;
     };
-    // Measured 12.2 m at the end of a minute without GNSS, and 45.8 m where one row of a standstill was used at 1.2 m/s.
+    // Measured 12.2 m at the end of a minute without GNSS, and 45.8 m when one row of a standstill was used at 1.2 m/s.
     let largest = summary.score.unwrap().horizontal_max;
     assert!(largest < 16.0, "{largest}");
 }
@@ -65,7 +65,8 @@ fn a_car_whose_unit_sits_backwards_and_upside_down_runs_too() {
     let score = summary.score.unwrap();
     // By hand 0.037 m. Measured 0.044 m, and 0.44 m before the drift of its clock was guessed.
     assert!(score.horizontal_rms < 0.05, "{}", score.horizontal_rms);
-    // Other fixes of its receiver judge it, as late as those that it uses: 11 of 3 where that was not declared.
+    // Other fixes of its receiver judge it, with the same delay as the used fixes. Without the declared latency NEES
+    // was 11 of 3.
     assert_eq!(summary.judged_by.as_deref(), Some("gnss"));
     assert!(score.nees_velocity.as_ref().unwrap().mean < 5.0, "{:?}", score.nees_velocity);
 }
@@ -75,12 +76,12 @@ fn odometers_doppler_logs_and_attitude_references_are_found() {
     if !recorded() {
         return;
     }
-    // Positions once a second are used, where the designs by hand have them once a minute: these errors are
-    // smaller than those by hand, and say only that axes and signs are right. Measured 0.67 m and 0.30 m.
+    // The guessed designs use positions once per second, the designs by hand once per minute. So these errors are
+    // smaller than those by hand, and only show that axes and signs are right. Measured 0.67 m and 0.30 m.
     let auv = ["20220712_0_1.csv", "20220719_6_1.csv"].map(|f| horizontal(&[&format!("auv_navigation_dataset/original/{f}")]).unwrap());
     assert!(auv[0] < 1.0 && auv[1] < 0.5, "{auv:?}");
-    // Fixes of 1.3 m judge: a turn of the wrong sense costs tens of metres. Measured 1.57 m, and 2.57 m where the
-    // slow error of GPS was believed to last for ten minutes.
+    // Fixes of 1.3 m judge it: a wrong sign of the turn costs tens of metres. Measured 1.57 m, and 2.57 m when the
+    // correlation time of the slow error of GPS was taken as ten minutes.
     let husky = horizontal(&["robot_localization_husky/derived"]).unwrap();
     assert!(husky < 1.8, "{husky}");
 }
@@ -98,7 +99,8 @@ fn an_attitude_is_guessed_from_gyros_gravity_and_field() {
 
 #[test]
 fn gyros_that_hands_turn_fast_are_told_from_slow_ones_by_the_field() {
-    // Its rates reach 12 rad/s, which by their size alone were taken for degrees a second: 36 and 45 deg of error.
+    // Its rates reach 12 rad/s. Judged by their size alone they were taken as degrees per second: 36 and 45 deg of
+    // error.
     let Some(summary) = guessed(&["broad_ahrs/derived/31.csv.gz"]) else {
         return;
     };
@@ -117,7 +119,7 @@ fn a_log_without_names_that_counts_from_its_own_beginning_is_brought_to_the_fixe
             .unwrap_or_else(|e| panic!("{e}"))
             .design(Path::new("/"))
             .unwrap();
-        // Its clock began 258.18 s before that of the fixes in seconds; half a coarse step is 0.125 s.
+        // Its clock began 258.18 s before the clock of the fixes in seconds. Half a coarse step is 0.125 s.
         let offset = if fixes.ends_with(".pos") {
             "offset = \"14"
         } else {
@@ -131,8 +133,8 @@ fn a_log_without_names_that_counts_from_its_own_beginning_is_brought_to_the_fixe
         ]) else {
             return;
         };
-        // Lost for 491 s where the clocks stayed apart. Measured 1.45 m, since the fixes judge by their own clock, from
-        // which that of the unit is 0.18 s away; a wrong axis costs tens of metres.
+        // Lost for 491 s when the clocks were not aligned. Measured 1.45 m, since the fixes judge with their own clock,
+        // and the clock of the unit is 0.18 s away. A wrong axis costs tens of metres.
         assert!(rms < 2.0, "{fixes}: {rms}");
     }
 }
@@ -147,7 +149,7 @@ fn what_cannot_be_guessed_is_said() {
     assert!(error.contains("`Missing`") && !error.contains("column of time"), "{error}");
 }
 
-/// A robot on a winding way: an odometer, a gyro about the vertical and fixes.
+/// A robot on a winding path: an odometer, a gyro about the vertical and fixes.
 fn robot(w: &Workspace) {
     let (mut odometer, mut fixes) = ("t,speed_mps,yawrate_radps\n".to_owned(), "t,lat_deg,lon_deg,h_m\n".to_owned());
     let (mut north, mut east) = (0.0_f64, 0.0_f64);
@@ -179,13 +181,13 @@ fn from_a_folder_to_a_running_filter_in_two_commands() {
     let ran = w.fusion(&["run", "first.toml"]).success();
     assert!(stdout(&ran).contains("gnss_position"), "{}", stdout(&ran));
 
-    // A design that is there is not replaced.
+    // An existing design is not replaced.
     let again = w.fusion(&["inspect", "log", "--write", "first.toml"]).code(2);
     assert!(stderr(&again).contains("is there already"), "{}", stderr(&again));
     assert_eq!(w.read("first.toml"), design);
 }
 
-/// The odometer counts since 1970, the fixes have dates: one minute is cut off by neither.
+/// The odometer counts since 1970, the fixes have dates. Neither clock cuts off a minute of the log.
 #[test]
 fn files_with_clocks_of_their_own_are_brought_together_by_what_they_count_from() {
     let w = Workspace::new("inspect-clocks");
@@ -211,15 +213,15 @@ fn files_with_clocks_of_their_own_are_brought_together_by_what_they_count_from()
     );
     w.fusion(&["check", "first.toml"]).success();
     let ran = w.fusion(&["run", "first.toml"]).success();
-    // Of 300 fixes the first six give the heading that the filter starts with.
+    // The first six of 300 fixes give the initial heading of the filter.
     assert!(stdout(&ran).contains("gnss_position       294"), "{}", stdout(&ran));
 }
 
-/// Velocities have a file of their own there, and the reference is not among the sensors.
+/// Velocities are in a separate file, and the reference is not a sensor.
 #[test]
 fn what_is_recorded_of_a_simulation_becomes_a_filter_that_knows_its_heading() {
-    // Measured 0.3 deg and 1.5 deg; 17 and 20 where velocities and magnetometers were left aside, and 4 deg of the boat where
-    // its log through the water was taken for one over ground.
+    // Measured 0.3 deg and 1.5 deg. Without velocities and magnetometers it was 17 and 20 deg. The boat had 4 deg when
+    // its log through the water was taken as a log over ground.
     for vehicle in ["boat", "drone"] {
         let w = Workspace::new(&format!("inspect-{vehicle}"));
         w.fusion(&["new", "own", "--from", vehicle]).success();
@@ -237,7 +239,7 @@ fn what_is_recorded_of_a_simulation_becomes_a_filter_that_knows_its_heading() {
     }
 }
 
-/// The names of columns say the quantity and no unit, the truth is not there, and every design is sound and runs.
+/// The column names give the quantity but no unit, there is no truth, and every design is sound and runs.
 #[test]
 fn every_design_that_is_written_for_a_recorded_simulation_runs() {
     for vehicle in ["car", "drone", "boat", "auv", "person"] {
@@ -259,7 +261,7 @@ fn every_design_that_is_written_for_a_recorded_simulation_runs() {
     }
 }
 
-/// A foot without positions: its way begins at zero, and the heading counts from the start or from the magnetometer.
+/// A foot without positions: its path begins at zero, and the heading counts from the start or from the magnetometer.
 #[test]
 fn a_foot_without_positions_becomes_a_filter_of_its_way() {
     let w = Workspace::new("inspect-foot");
@@ -271,7 +273,7 @@ fn a_foot_without_positions_becomes_a_filter_of_its_way() {
     for used in [
         "type = \"strapdown\"",
         "type = \"zero_velocity\"",
-        // The simulated foot does not roll while it stands.
+        // The simulated foot does not roll during a stance.
         "type = \"zero_angular_rate\"",
         "the way is relative to the start",
         "accelerometer.vibration = \"0.1 s\"",
@@ -288,7 +290,7 @@ fn a_foot_without_positions_becomes_a_filter_of_its_way() {
     let document = Document::load(&w.path("judged.toml")).unwrap_or_else(|e| panic!("{e}"));
     let design = Design::read(document).unwrap_or_else(|e| panic!("{e}"));
     let summary = run(&design, &Options::default(), &mut |_| {}).unwrap_or_else(|e| panic!("{e}"));
-    // It walks at 1.2 m/s for two minutes; without its stances it is off by tens of metres a second.
+    // It walks at 1.2 m/s for two minutes. Without its stances the velocity error is tens of metres per second.
     let off = summary.score.unwrap().velocity.unwrap().rms;
     assert!(off.iter().all(|rms| *rms < 0.3), "{off:?}");
 }

@@ -1,4 +1,4 @@
-//! A magnetometer: a body with a field of its own, and a magnet that comes and goes.
+//! A magnetometer: a body with a magnetic field, and a magnet that approaches and leaves.
 
 use super::real::real_design;
 use fusion::config::Document;
@@ -8,8 +8,8 @@ use fusion::observe::{RunEvent, RunObserver};
 use fusion::run::{Options, Run, run};
 use fusion_judge::campaign::monte_carlo;
 
-/// Two circles with a bump between them, so that the body's field shows on all axes; the tilt is known from
-/// elsewhere, the heading by the field alone.
+/// Two circles with a bump between them, so that the body's field appears on all axes. Other sensors determine the
+/// tilt, only the field determines the heading.
 const CIRCLES: &str = r#"
 [run]
 origin = { latitude = "36.1 deg", longitude = "129.4 deg" }
@@ -62,14 +62,14 @@ fn design(sets: &[&str]) -> Design {
 
 #[test]
 fn hard_iron_is_found_while_the_body_turns_and_the_heading_is_then_the_true_one() {
-    // The simulated body has a field of its own, drawn with 5 uT per axis of the Earth's 50.
+    // The simulated body has a magnetic field, drawn with 5 uT per axis; the Earth's field is 50 uT.
     let campaign = |sets: &[&str]| monte_carlo(&design(sets), &Options::default(), 8, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
     let heading = |sets: &[&str]| campaign(sets).spread(|r| r.attitude_rms[2]).unwrap().mean;
     let nees = campaign(&[]).judge(|r| r.nees[2]).unwrap();
-    // 8 runs, correlated over a minute each: the band of that many is 2.5 to 3.5, a third more for what a
-    // start at 10 deg of heading and 5 uT is nonlinear by.
+    // 8 runs, correlated over a minute each: their band is 2.5 to 3.5. One third more for the nonlinearity of a start
+    // with 10 deg of heading and 5 uT.
     assert!((2.2..4.5).contains(&nees.mean), "{nees:?}");
-    // The 10 deg of the start included. 5 uT of 31 horizontal that nobody estimates are 9 deg.
+    // This includes the 10 deg of the start. An unestimated field of 5 uT, with 31 uT horizontal, causes 9 deg.
     let estimated = heading(&[]);
     assert!(estimated < 2.5, "{estimated} deg");
 }
@@ -82,10 +82,10 @@ fn the_hard_iron_that_was_drawn_is_found() {
         let score = summary.score.unwrap();
         let iron = score.blocks.iter().find(|block| block.name == "field.hard_iron").unwrap();
         for (error, sigma) in iron.error.iter().zip(&iron.sigma) {
-            // From 5 uT to a fifth; 4σ of it.
+            // From 5 uT to a fifth; the bound is 4σ of it.
             assert!(*sigma < 1e-6 && error.abs() < 4.0 * sigma, "{seed}: {iron:?}");
         }
-        // It is not the iron declared: the estimate has left its start by more than its own 1σ.
+        // The estimate differs from the declared value by more than its 1σ.
         let found = summary.parameters.iter().find(|p| p.name == "field.hard_iron").unwrap();
         assert!(
             found.value.iter().zip(&iron.sigma).any(|(value, sigma)| value.abs() > 3.0 * sigma),
@@ -102,7 +102,7 @@ fn the_strength_of_the_field_may_be_left_to_the_filter() {
     assert!(score.nees_attitude.unwrap().mean < 6.0, "{:?}", score.nees_attitude);
 }
 
-/// Time \[s\] and heading error \[deg\] at every epoch of the reference: the turn about down of q q_true⁻¹.
+/// Time \[s\] and heading error \[deg\] at every epoch of the reference: the rotation about down of q q_true⁻¹.
 #[derive(Default)]
 struct Headings(Vec<(f64, f64)>);
 
@@ -134,12 +134,12 @@ impl Headings {
     }
 }
 
-/// Five seconds after a magnet left: their last half second.
+/// The last half second of the five seconds after a magnet left.
 const RETURN: (f64, f64) = (4.5, 5.0);
 
 #[test]
 fn the_heading_returns_within_five_seconds_of_the_magnets_leaving() {
-    // The simulated field goes through the gate of a compass. The sensor it belongs to counts for nothing.
+    // The gate of a compass checks the simulated field. The sensor `field` has no weight.
     const GATED: [&str; 4] = [
         "sensor.field.noise.sigma = '1000 uT'",
         "sensor.field.hard_iron = [0, 0, 0]",
@@ -155,12 +155,13 @@ fn the_heading_returns_within_five_seconds_of_the_magnets_leaving() {
     let believing = flown(&["stage.compass.gate.enabled = false", "stage.compass.noise.difference = 0"]);
     let undisturbed = gated.rms(20.0, 30.0);
     let back = gated.rms(50.0 + RETURN.0, 50.0 + RETURN.1);
-    // The field settles the heading to some 0.3°; 0.5° more is two of its σ.
+    // The field determines the heading to some 0.3°; 0.5° more is two of its σ.
     assert!(
         undisturbed < 1.0 && back < undisturbed + 0.5,
         "before {undisturbed}°, after {back}°"
     );
-    // Gyros alone for 20 s at 0.02 °/√s and a bias known to 0.03 °/s are off by 0.6°; 18 µT of 31 by 30°.
+    // With gyros alone for 20 s, at 0.02 °/√s and a bias known to 0.03 °/s, the error is 0.6°. 18 µT of 31 µT turn the
+    // heading by 30°.
     let (carried, turned) = (gated.rms(30.0, 50.0), believing.rms(30.0, 50.0));
     assert!(
         carried < 1.5 && turned > 5.0,
@@ -170,18 +171,18 @@ fn the_heading_returns_within_five_seconds_of_the_magnets_leaving() {
 
 #[test]
 fn the_heading_of_a_recorded_body_returns_within_five_seconds_of_leaving_a_magnet() {
-    // The reference counts while the body rests, too.
+    // The reference also counts while the body is at rest.
     let always = "source.truth.valid={ column = 't_s', at_least = 0 }";
     let Some((design, options)) = real_design("broad", &["trial_31"], &[always]) else {
         return;
     };
     let headings = Headings::of(&design, &options);
     let before = headings.rms(20.0, 30.0);
-    // When the field, turned by the optical attitude, has its dip of before to 1° again.
+    // When the field, rotated by the optical attitude, again has its previous dip within 1°.
     for left in [43.7, 68.3, 91.0, 112.3, 142.0] {
         let (there, back) = (headings.rms(left - 1.0, left), headings.rms(left + RETURN.0, left + RETURN.1));
-        // Before the magnet 1.1°, by which the field of the table differs from the reference. 0.5°: the
-        // worst of the five is 0.4° above.
+        // Before the magnet 1.1°, the difference between the field of the table and the reference. 0.5°: the worst of
+        // the five is 0.4° above.
         assert!(back < before + 0.5, "left at {left} s: {there}° → {back}°, before {before}°");
     }
 }

@@ -24,7 +24,7 @@ trajectory = [{ type = "rest", duration = "60 s" }]
 rate = "100 Hz"
 "#;
 
-/// What the command says about a design in which `from` was written `to`, which must be wrong.
+/// The output of the command for a design in which `from` was replaced by `to`, which must be wrong.
 fn wrong(name: &str, from: &str, to: &str) {
     wrong_text(name, &replaced(from, to));
 }
@@ -40,14 +40,14 @@ fn wrong_text(name: &str, design: &str) {
     complain(name, &w, &["run", "design.toml"]);
 }
 
-/// What it says about this content of gnss.csv.
+/// The output for this content of gnss.csv.
 fn wrong_data(name: &str, data: &str) {
     let w = Workspace::new(&format!("mistake-{name}"));
     w.write("gnss.csv", data);
     complain(name, &w, &["run", "design.toml"]);
 }
 
-/// What it says to arguments beside the sound design.
+/// The output for these arguments with the sound design.
 fn wrong_argument(name: &str, args: &[&str]) {
     let w = Workspace::new(&format!("mistake-{name}"));
     complain(name, &w, args);
@@ -60,7 +60,7 @@ fn complain(name: &str, w: &Workspace, args: &[&str]) {
     snapshot(name, &stderr(&ran));
 }
 
-/// Where: the place in the file, the row of the data, or the file or argument by name.
+/// The place: in the file, the row of the data, or the file or argument by name.
 fn is_placed(text: &str) -> bool {
     let elsewhere = [
         "--> ./gnss.csv:",
@@ -73,7 +73,7 @@ fn is_placed(text: &str) -> bool {
     text.contains(" --> design.toml:") && text.contains('^') || elsewhere.iter().any(|e| text.contains(e))
 }
 
-/// What to do: advice, a suggestion, or what was expected.
+/// The advice: a suggestion, or the expected value.
 fn advises(text: &str) -> bool {
     let advice = [
         "= help:",
@@ -138,7 +138,7 @@ fn names() {
     );
 }
 
-/// A second sensor beside the sound one, which takes `gnss` as its own further fields.
+/// A second sensor in addition to the sound sensor. `gnss` has further fields of the sound sensor.
 fn wrong_pair(name: &str, gnss: &str, speed: &str) {
     let speed = format!("[sensor.speed]\ntype = \"gnss_velocity\"\nsource = \"gnss\"\n{speed}\nnoise = {{ sigma = \"0.1 m/s\" }}\n");
     let text = replaced("source = \"gnss\"\nnoise", &format!("source = \"gnss\"\n{gnss}noise"));
@@ -337,8 +337,7 @@ fn all_mistakes_of_a_file_are_told_at_once() {
     wrong_text("several", &text);
 }
 
-/// A mistake that is found on reading, one of a source's declaration, one of assembly and one of a
-/// data file.
+/// One mistake found by the reader, one in the declaration of a source, one in the assembly and one in a data file.
 #[test]
 fn mistakes_of_every_step_are_told_at_once() {
     let second = "[source.truth]\ntype = \"csv\"\npath = \"truth.csv\"\ntime = { column = \"t\" }\n[source.truth.channels.position]\nlatitude = \"lat\"\n";
@@ -371,7 +370,7 @@ fn mistakes_of_a_simulated_world_are_told_with_the_others() {
     assert_eq!(checked.matches("error: ").count(), 7, "{checked}");
 }
 
-/// Where one block is wrong, those that need it are not.
+/// If one block is wrong, the blocks that depend on it are not reported.
 #[test]
 fn what_follows_from_a_mistake_is_not_told() {
     let speed = "[sensor.speed]\ntype = \"gnss_velocity\"\nsource = \"gnss\"\nlever_arm = { shared = \"gnss.lever_arm\" }\nnoise = { sigma = \"0.1 m/s\" }\n\n[initial.fix]";
@@ -402,7 +401,7 @@ fn variants_that_are_not_asked_for() {
     let w = Workspace::new("mistake-variants");
     w.write("design.toml", replaced("[variant.ekf]", variants));
     complain("variants_checked", &w, &["check", "design.toml", "--variant", "ekf"]);
-    // They do not stop the run of another one.
+    // They do not stop the run of another variant.
     let warned = stderr(&w.fusion(&["run", "design.toml"]).success());
     assert!(
         warned.contains("warning: variant `slip`: ") && warned.contains("warning: variant `cut`: "),
@@ -413,14 +412,14 @@ fn variants_that_are_not_asked_for() {
         asked.contains("error: unknown name `josef`") && !asked.contains("variant `slip`: "),
         "{asked}"
     );
-    // One that is meant to be laid over another is right there.
+    // A variant that is meant for use on top of another variant is correct there.
     let layers = "[variant.far]\nsensor.gnss.gate.min_distance = \"9 m\"\n\n[variant.robust]\nsensor.gnss.gate = { type = \"two_condition\", \
                   probability = 0.99, min_distance = \"5 m\" }\n\n[variant.ekf]";
     w.write("design.toml", replaced("[variant.ekf]", layers));
     let warned = stderr(&w.fusion(&["run", "design.toml"]).success());
     assert!(!warned.contains("variant `far`"), "{warned}");
     w.fusion(&["check", "design.toml", "--variant", "far"]).code(2);
-    // What is wrong with the base is not repeated for each of them.
+    // A mistake of the base is not repeated for each variant.
     w.write("design.toml", replaced("sigma = \"2 m\"", "sigma = \"2 s\""));
     let once = stderr(&w.fusion(&["check", "design.toml"]).code(2));
     assert_eq!(once.matches("is expected here").count(), 1, "{once}");

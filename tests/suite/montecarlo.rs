@@ -1,4 +1,4 @@
-//! Campaigns: the same runs on any number of threads, and as runs of their own.
+//! Campaigns: the same results on any number of threads, and as separate runs.
 
 use crate::support::{Workspace, stderr, stdout};
 use fusion::design::Design;
@@ -13,7 +13,7 @@ fn design(file: &str, set: &[&str]) -> Design {
     Design::read(document).unwrap_or_else(|d| panic!("{d}"))
 }
 
-/// A short run, GNSS between the samples of the inertial unit.
+/// A short run, with GNSS stamps between the samples of the inertial unit.
 const SETS: [&str; 3] = [
     "run.stop=30",
     "simulation.sensor.position.start=0.123",
@@ -54,7 +54,7 @@ fn what_runs_share_changes_no_bit_of_them() {
     }
 }
 
-/// Runs whose filters say that they are lost are counted, and named so that they can be repeated.
+/// Runs whose filters report that they are lost are counted, and named for repetition.
 #[test]
 fn lost_runs_are_told_with_their_seeds() {
     let w = Workspace::new("montecarlo-lost");
@@ -67,7 +67,7 @@ fn lost_runs_are_told_with_their_seeds() {
         "{}",
         stdout(&ran)
     );
-    // Limits that no filter keeps.
+    // Limits that no filter meets.
     let limits = "health.innovations={ degraded = 0.1, lost = 0.2 }";
     let ran = w.fusion(&[&campaign[..], &["--set", limits]].concat()).success();
     let told = stderr(&ran);

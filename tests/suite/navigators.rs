@@ -1,5 +1,5 @@
-//! The navigators of a tracked vehicle under water: a published one as printed, hardened, and what they are
-//! compared with.
+//! The navigators of a tracked vehicle under water: a published navigator as printed, a hardened version, and
+//! navigators for comparison.
 
 use super::support::{Workspace, stderr};
 use fusion::config::Document;
@@ -20,8 +20,8 @@ fn design(changes: &[&str], variants: &[&str]) -> Design {
     Design::read(document).unwrap_or_else(|d| panic!("{d}"))
 }
 
-/// The share of each innovation that the first correction by every sensor takes: the diagonal of HK, by the number
-/// of its rows.
+/// The share of each innovation in the first correction by every sensor: the diagonal of HK. The number of rows
+/// identifies the sensor.
 #[derive(Default)]
 struct FirstGains(Vec<Vec<f64>>);
 
@@ -54,7 +54,8 @@ impl RunObserver for FirstGains {
 
 #[test]
 fn the_first_gains_of_the_printed_matrices_are_those_of_the_paper() {
-    // P0 and R as printed at d = 30 m, each row when it comes. Q is left out: the gains are those of the first instant, before it acts.
+    // P0 and R as printed at d = 30 m, with each row at its time. Q is left out: the gains are those of the first
+    // instant, before Q has an effect.
     let q = ["process.position_noise=0", "process.accelerometer.noise=0", "process.gyro.noise=0"];
     let end = [
         "simulation.trajectory=[{ type = \"rest\", duration = \"2 s\" }]",
@@ -64,18 +65,18 @@ fn the_first_gains_of_the_printed_matrices_are_those_of_the_paper() {
     let options = Options::default();
     let mut gains = FirstGains::default();
     Run::open(&design, &options).unwrap().go(&mut [&mut gains], &mut |_| {}).unwrap();
-    // The fix; depth, speeds and attitude of the same epoch.
+    // The fix, then depth, speeds and attitude of the same epoch.
     let wanted: [&[f64]; 4] = [&[0.9174, 0.9174], &[0.5], &[0.0588; 3], &[0.9901, 0.9901, 0.5]];
     for wanted in wanted {
         let found = gains.0.iter().find(|g| {
-            // 2 %: what 0.05 m/s, and a tilt of 1 deg under gravity, add in the tenths of a second before.
+            // 2 %: the effect of 0.05 m/s, and of a tilt of 1 deg under gravity, in the tenths of a second before.
             g.len() == wanted.len() && g.iter().zip(wanted).all(|(g, w)| (g / w - 1.0).abs() < 0.02)
         });
         assert!(found.is_some(), "{wanted:?} is not among {:?}", gains.0);
     }
 }
 
-/// How many measurements each sensor has offered.
+/// The number of measurements that each sensor has offered.
 #[derive(Default)]
 struct Offered([u64; 8]);
 
@@ -103,7 +104,7 @@ fn the_printed_filter_takes_all_its_rows_when_a_fix_comes() {
     let fixes = offered.0[0];
     assert!(design.sensors[0].name == "usbl" && fixes > 800, "{fixes}");
     for (sensor, count) in design.sensors.iter().zip(offered.0).skip(1) {
-        // The first of each is taken at the start, the last fix has none after it.
+        // The first measurement of each sensor is used at the start, and none follows the last fix.
         assert!(count.abs_diff(fixes) <= 2, "{}: {count} for {fixes} fixes", sensor.name);
     }
 }
@@ -113,10 +114,10 @@ fn range_and_angles_tell_the_position_and_the_speed_of_sound() {
     let summary = run(&design(&[], &["raw-usbl"]), &Options::default(), &mut |_| {}).unwrap();
     let score = summary.score.unwrap();
     let horizontal = score.horizontal_rms;
-    // 0.5° and 0.1 m at 36 m are 0.3 m for one fix; tracks and attitude average some ten of them.
+    // 0.5° and 0.1 m at 36 m are 0.3 m for one fix. Tracks and attitude average some ten fixes.
     assert!(horizontal < 0.2, "{horizontal}");
     let sound = summary.parameters.iter().find(|p| p.name == "usbl.sound_speed").unwrap();
-    // 800 ranges of 0.1 m at 36 m; depth and bearing must say where the vehicle is. It began with 0.5 %.
+    // 800 ranges of 0.1 m at 36 m. Depth and bearing determine the position of the vehicle. The initial σ is 0.5 %.
     assert!(sound.sigma[0] < 1e-3, "{:?}", sound.sigma);
 }
 
@@ -133,13 +134,14 @@ fn a_simulated_ship_is_where_its_table_says() {
             .as_f64()
             .unwrap()
     };
-    // Fixes of 0.5 m and 0.3 deg five times a second, beside walks of 10 m and 20 deg in a second: each one is all that is known.
+    // Fixes of 0.5 m and 0.3 deg five times a second, with walks of 10 m and 20 deg per second: each fix alone
+    // determines the pose.
     assert!((0.4..0.6).contains(&of("ship.position")), "{}", of("ship.position"));
     assert!((0.2..0.4).contains(&of("ship.attitude").to_degrees()), "{}", of("ship.attitude"));
     let horizontal = summary["score"]["horizontal_rms"].as_f64().unwrap();
-    // At 40 to 170 m the angles of ship and transceiver are 0.6 deg of the heading: 1.8 m of one fix.
+    // At 40 to 170 m the angles of ship and transceiver cause 0.6 deg of heading: 1.8 m for one fix.
     assert!(horizontal < 1.5, "{horizontal}");
-    // Without a ship nothing is drawn in its place.
+    // Without a ship nothing is drawn at its place.
     let text = w.read("mine.toml");
     let line = text.lines().find(|line| line.starts_with("ship = { position")).unwrap();
     w.write("mine.toml", text.replace(line, ""));
@@ -169,8 +171,8 @@ fn a_first_fix_does_not_count_the_slow_error_twice() {
         campaign.pooled().nees[0].unwrap()
     };
     let (honest, place) = (nees("position_sigma = [\"1.5 m\", \"1.5 m\", \"3.2 m\"]"), nees(""));
-    // 1.3 m beside 1.5 m, and 3 m beside 3.2 m: 1 + 0.75, 1 + 0.88 of what it is. Sixteen runs of three axes: χ²/48 lies in
-    // 0.53 … 1.66 with 99.8 %.
+    // 1.3 m and 1.5 m, 3 m and 3.2 m: 1 + 0.75 and 1 + 0.88 times the variance. Sixteen runs with three axes: χ²/48 is
+    // within 0.53 … 1.66 with 99.8 %.
     assert!((0.53..1.66).contains(&place) && honest > 1.4 * place, "{honest} {place}");
     w.write("mine.toml", fix("position_sigma = [\"1.5 m\", \"1.5 m\", \"3.2 m\"]"));
     let told = |w: &Workspace| stderr(&w.fusion(&["check", "mine.toml"]).success());
@@ -179,12 +181,12 @@ fn a_first_fix_does_not_count_the_slow_error_twice() {
         "{}",
         told(&w)
     );
-    // A 1σ of twice and a half of it is another source.
+    // A 1σ of 2.5 times that value means another source.
     for silent in ["", "position_sigma = [\"4 m\", \"4 m\", \"8 m\"]"] {
         w.write("mine.toml", fix(silent));
         assert!(!told(&w).contains("slow error"), "{}", told(&w));
     }
-    // A place to begin at needs a sensor that tells the position.
+    // A first fix without σ needs a sensor that measures the position.
     let lonely = ["check", "mine.toml", "--set", "sensor.gnss_position.enabled=false"];
     w.write("mine.toml", fix(""));
     let refused = w.fusion(&lonely).failure();
@@ -249,7 +251,8 @@ depression = { column = "depression", unit = "rad" }
         last.split(',').nth(column).unwrap().parse::<f64>().unwrap()
     };
     let found = Vector3::new(value("n_m"), value("e_m"), value("d_m"));
-    // Exact measurements: what is left is what the first fix, some 30 m from where the filter begins, was linearised
-    // at, and a millimetre of the plane in which the numbers are made. Linearised once it ends 5 m off.
+    // The measurements are exact. The remaining error comes from the linearisation of the first fix, some 30 m away
+    // from the start, and a millimetre from the plane in which the numbers are made. With a single linearisation the
+    // end is 5 m off.
     assert!((found - target).norm() < 0.05, "{found}");
 }

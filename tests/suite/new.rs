@@ -1,4 +1,4 @@
-//! `fusion new`: the designs that it writes run at once, and their filters know their errors.
+//! `fusion new`: the designs that it writes run at once, and their filters are consistent.
 
 use crate::support::{Workspace, stderr, stdout};
 use fusion::config::Document;
@@ -41,8 +41,8 @@ fn what_is_written_stands_alone_and_its_filter_knows_its_errors() {
         let design = Design::read(document).unwrap_or_else(|d| panic!("{vehicle}: {d}"));
         let campaign = monte_carlo(&design, &Options::default(), 5, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{vehicle}: {d}"));
         for (what, nees) in ["position", "velocity", "attitude"].iter().zip(campaign.pooled().nees) {
-            // An error that is constant in a run counts once: five runs of three axes are 15 degrees of freedom, and
-            // χ²/15 lies in 0.31 … 2.19 with 99 %.
+            // An error that is constant in a run counts once: five runs with three axes have 15 degrees of freedom, and
+            // χ²/15 is within 0.31 … 2.19 with 99 %.
             let nees = nees.unwrap();
             assert!(
                 (0.31..2.19).contains(&nees),
@@ -52,7 +52,7 @@ fn what_is_written_stands_alone_and_its_filter_knows_its_errors() {
     }
 }
 
-/// As the comments of a template say: rows from a file, and no world. The parts have brought the errors of their sensors.
+/// As the comments of a template say: rows from a file, and no world. The parts contain the errors of their sensors.
 #[test]
 fn a_template_goes_on_with_a_log() {
     let w = Workspace::new("new-log");
@@ -71,7 +71,7 @@ fn a_template_goes_on_with_a_log() {
     assert!(checked.contains("shoe.csv"), "{checked}");
 }
 
-/// A foot tells nothing of its heading, and what it starts with stays as unknown as it is.
+/// A foot does not observe its heading: the σ of the start remains.
 #[test]
 fn a_heading_that_nothing_tells_stays_unknown_on_a_foot() {
     let w = Workspace::new("new-heading");
@@ -85,18 +85,18 @@ fn a_heading_that_nothing_tells_stays_unknown_on_a_foot() {
         let column = lines.next().unwrap().split(',').position(|name| name == "sigma_yaw_deg").unwrap();
         lines.last().unwrap().split(',').nth(column).unwrap().parse::<f64>().unwrap()
     };
-    // Gyros whose bias each stance tells see some of the Earth's turning: 10.3 deg are left, and NEES of the attitude is 0.9 of 1
-    // over 20 seeds.
+    // Gyros whose bias is measured at each stance see a part of the Earth's rotation: 10.3 deg remain, and NEES of the
+    // attitude is 0.9 of 1 over 20 seeds.
     let kept = last(&[]);
     assert!((8.0..20.0).contains(&kept), "{kept}");
-    // It is the coordinates and the discretisation that keep it: measured 3.3 and 1.6 deg without either.
+    // The coordinates and the discretisation keep it: measured 3.3 and 1.6 deg without one of them.
     for lost in ["filter.backend=error_state", "process.discretisation=first_order"] {
         let left = last(&["--set", lost]);
         assert!(left < 0.6 * kept, "{lost}: {left}");
     }
 }
 
-/// A swing is faster than it seems: what Φ has wrong of a turn of 2.5° in a step adds up from stride to stride.
+/// A swing of the foot is fast: the error of Φ for a turn of 2.5° per step adds up from stride to stride.
 #[test]
 fn a_walk_of_many_strides_is_known_as_well_as_a_short_one() {
     let w = Workspace::new("new-strides");
@@ -107,7 +107,7 @@ fn a_walk_of_many_strides_is_known_as_well_as_a_short_one() {
     let design = Design::read(Document::load(&w.path("mine.toml")).unwrap()).unwrap();
     let campaign = monte_carlo(&design, &Options::default(), 5, 1, 0, &|_| {}).unwrap();
     let [position, _, attitude] = campaign.pooled().nees.map(Option::unwrap);
-    // As above; with Φ = I − [ωΔt ×] of the attitude they were 305 and 27 at twice the rate.
+    // As above. With Φ = I − [ωΔt ×] for the attitude they were 305 and 27 at twice the rate.
     assert!(
         (0.31..2.19).contains(&position) && (0.31..2.19).contains(&attitude),
         "{position} {attitude}"
@@ -135,11 +135,12 @@ fn the_filters_of_the_variants_of_a_template_know_their_errors() {
         };
         let (base, changed) = (campaign(&[]), campaign(&[variant]));
         let position = |c: &Campaign| c.spread(|r| r.position_rmse).unwrap().mean;
-        // 1 mm: the variant takes effect. How much differs: slow errors of the receiver are most of it, with fixes or not.
+        // 1 mm: the variant has an effect. Its size varies: slow errors of the receiver are the largest part, with
+        // fixes or without.
         assert!((position(&changed) - position(&base)).abs() > 1e-3, "{vehicle} {variant}");
         for nees in changed.pooled().nees {
             let nees = nees.unwrap();
-            // Two runs of three axes are 6 degrees of freedom, see above: χ²/6 lies in 0.05 … 3.74 with 99.8 %.
+            // Two runs with three axes have 6 degrees of freedom, see above: χ²/6 is within 0.05 … 3.74 with 99.8 %.
             assert!((0.05..3.74).contains(&nees), "{vehicle} {variant}: {nees}");
         }
     }
@@ -166,7 +167,8 @@ fn a_boat_finds_the_current_that_carries_it() {
     for (axis, truth) in [(0, 0.4), (1, -0.2)] {
         let of = |value: &serde_json::Value, key: &str| value[key][axis].as_f64().unwrap();
         let (error, sigma) = (of(current, "error"), of(current, "sigma"));
-        // The error is against the current of `sea` after its tide, and 0.5 m/s at the start has become a tenth: 4σ of it.
+        // The error is against the current of `sea` after its tide. The initial 0.5 m/s has become a tenth; the bound
+        // is 4σ of it.
         assert!((of(&estimate, "value") - error - truth).abs() < 1e-3, "{estimate} {current}");
         assert!(sigma < 0.05 && error.abs() < 4.0 * sigma, "{current}");
     }
@@ -188,8 +190,8 @@ fn a_foot_that_stands_in_every_stride_ends_where_the_person_does() {
             .sqrt()
     };
     let (updated, free) = (end(&[]), end(&["--variant", "free"]));
-    // 92 m of way: 2 % of it is what foot-mounted units are known for. Without updates the biases of this one, 0.12 deg/s
-    // and 5 mg, carry it off: ½ 0.05 m/s² (90 s)² is 200 m, the RMS over the time a half of that.
+    // 92 m of path: foot-mounted units are known to reach 2 % of it. Without updates the biases of this unit, 0.12
+    // deg/s and 5 mg, make it drift: ½ 0.05 m/s² (90 s)² is 200 m, the RMS over the time a half of that.
     assert!(updated < 2.0 && free > 50.0, "{updated} m with updates, {free} m without");
 }
 
@@ -200,7 +202,7 @@ fn nothing_is_overwritten() {
     let written = w.read("mine.toml");
     assert!(stderr(&w.fusion(&["new", "mine", "--from", "boat"]).code(2)).contains("`mine.toml` exists"));
     assert_eq!(w.read("mine.toml"), written);
-    // Parts that are the same are shared; one that was changed stops it before anything is written.
+    // Identical parts are shared. A changed part stops the command before it writes anything.
     w.fusion(&["new", "other", "--from", "car"]).success();
     w.write("parts/gate/nis.toml", "# mine\n");
     assert!(stderr(&w.fusion(&["new", "third", "--from", "car"]).code(2)).contains("is another one"));

@@ -1,9 +1,9 @@
-//! Closed forms of inertial navigation, met by an assembled filter that is fed sample by sample.
+//! Closed forms of inertial navigation, compared with an assembled filter that is fed sample by sample.
 //!
 //! Free drift   of a static unit with R0 = √(RM RN), ω_s = √(g/R0):
 //!              accelerometer bias b: (b/ω_s²)(1 − cos ω_s t); level gyro bias ε: R0 ε (t − sin ω_s t/ω_s);
 //!              tilt θ: ½ g θ t²; velocity random walk N: N √(t³/3)
-//! Coning       φ = α(0, cos Ωt, sin Ωt), x = ΩT: what an interval T leaves of the drift ½α²Ω(1 − sin x/x)
+//! Coning       φ = α(0, cos Ωt, sin Ωt), x = ΩT: the remainder of the drift with an interval T, ½α²Ω(1 − sin x/x)
 //! Source       Groves 2013, §5.7 for free drift; Titterton and Weston 2004, §11.3 for coning
 
 use fusion::Navigator;
@@ -54,15 +54,15 @@ fn site() -> Geodetic {
     Geodetic::new(36.098_277_778_f64.to_radians(), 129.449_944_444_f64.to_radians(), 0.0)
 }
 
-/// What perfect sensors read on a body at rest at the site.
+/// The readings of perfect sensors on a body at rest at the site.
 fn at_rest(q: &UnitQuaternion<f64>) -> (V, V) {
     let earth = LocalEarth::at(&site());
     let gravity = V::new(0.0, 0.0, earth.gravity(Gravity::Somigliana));
     (q.inverse() * earth.earth_rate_n(), q.inverse() * -gravity)
 }
 
-/// Feeds samples of `dt_ms` from `imu(from, to)`, their interval in seconds; the first opens the
-/// first interval. `see` is shown each whole step.
+/// Feeds samples of `dt_ms` from `imu(from, to)`, their interval in seconds. The first sample opens the first interval.
+/// `see` receives each whole step.
 fn fly(nav: &mut Navigator, dt_ms: i64, steps: i64, imu: impl Fn(f64, f64) -> (V, V), mut see: impl FnMut(i64, Solution)) {
     let stream = nav.stream("imu").unwrap();
     let seconds = |k: i64| (k * dt_ms) as f64 * 1e-3;
@@ -75,8 +75,8 @@ fn fly(nav: &mut Navigator, dt_ms: i64, steps: i64, imu: impl Fn(f64, f64) -> (V
     }
 }
 
-/// Displacement north and east \[m\] at `times` \[s\], the errors added to what a level body at rest
-/// and heading north would read.
+/// Displacement north and east \[m\] at `times` \[s\], with the errors added to the readings of a level body at rest
+/// that heads north.
 fn drift(rpy: [f64; 3], w_error: V, f_error: V, times: &[i64]) -> Vec<V> {
     let (w, f) = at_rest(&UnitQuaternion::identity());
     let mut out = Vec::new();
@@ -95,8 +95,8 @@ fn drift(rpy: [f64; 3], w_error: V, f_error: V, times: &[i64]) -> Vec<V> {
     out
 }
 
-/// Half of the last digit printed, and (Ωt)² of it: the closed forms do not know the turning Earth,
-/// which couples north, east and heading by Ωt twice before it comes back to the same axis.
+/// Half of the last printed digit, and (Ωt)² of the value. The closed forms ignore the rotation of the Earth, which
+/// couples north, east and heading by Ωt twice before it affects the same axis again.
 fn assert_printed(got: f64, printed: f64, half_digit: f64, t: i64) {
     let allowed = half_digit + printed.abs() * (EARTH_RATE * t as f64).powi(2);
     assert!(
@@ -132,7 +132,8 @@ fn free_drift_of_1_deg_per_h_about_east_is_1_710_m_to_the_south_after_60_s() {
 fn free_drift_of_a_tilt_of_0_1_deg_is_0_855_m_after_10_s() {
     let tilt = 0.1_f64.to_radians();
     let times = [5, 10];
-    // Nose down in the estimate, the upward force seems to push forward; left down, to the right.
+    // With the nose down in the estimate, the upward force seems to push forward; with the left side down, to the
+    // right.
     let north = drift([0.0, -tilt, 0.0], V::zeros(), V::zeros(), &times);
     let east = drift([tilt, 0.0, 0.0], V::zeros(), V::zeros(), &times);
     for (k, want) in [0.214, 0.855].into_iter().enumerate() {
@@ -151,7 +152,7 @@ fn velocity_random_walk_of_0_065_fps_per_root_h_predicts_0_0886_m_after_60_s() {
     fly(&mut nav, 10, 6000, |_, _| (w, f), |_, _| {});
     let p = nav.solution().unwrap().position.unwrap().1;
     for sigma in [p.m11.sqrt(), p.m22.sqrt()] {
-        // Half of the last digit, and the swing back of (ω_s t)²/10 = 0.06 % that N √(t³/3) leaves out.
+        // Half of the last digit, and the return of (ω_s t)²/10 = 0.06 % that N √(t³/3) ignores.
         assert!((sigma - 0.0886).abs() < 1e-4, "{sigma}");
     }
 }
@@ -222,7 +223,7 @@ fn coning(integrator: &str, dt_ms: i64) -> f64 {
         V::new(-2.0 * omega * (alpha / 2.0).sin().powi(2) * t, alpha.sin() * c, alpha.sin() * s)
     };
     let imu = |from: f64, to: f64| {
-        // Earth rate and gravity, which the cone turns through the body: Simpson over eight parts.
+        // Earth rate and gravity, rotated through the body by the cone: Simpson over eight parts.
         let (mut w, mut f) = (V::zeros(), V::zeros());
         for k in 0..=8 {
             let weight = if k == 0 || k == 8 { 1.0 } else { f64::from(2 + 2 * (k % 2)) };
@@ -281,7 +282,7 @@ fn simulated(text: &str, seed: u64) -> Flown {
     Flown { nav, accepted, rejected }
 }
 
-/// Five minutes of INS and GNSS without outliers, as far as the filter can know from itself.
+/// Five minutes of INS and GNSS without outliers, judged by the information of the filter only.
 fn clean(gate: &str, seed: u64) -> Flown {
     let text = format!(
         r#"
@@ -347,8 +348,8 @@ fn a_gate_rejects_of_clean_fixes_its_false_reject_rate_and_otherwise_changes_not
     // 1 % of the fixes, 4 σ of the binomial.
     let expected = 0.01 * f64::from(fixes);
     assert!((f64::from(nis) - expected).abs() < 4.0 * expected.sqrt(), "{nis} of {fixes}");
-    // Those hold 4 % of the squared residuals (χ²₃ beyond 11.3 has a mean of 13.5), so without them
-    // the estimate moves by about 4 % of its variance; three times that for the scatter over 24.
+    // Those fixes have 4 % of the squared residuals (χ²₃ beyond 11.3 has a mean of 13.5). So without them the estimate
+    // moves by about 4 % of its variance; three times that for the scatter over 24.
     assert!(moved < 0.12, "{moved}");
     // 0.05 %, as measured with this gate; 4 σ of the binomial.
     let expected = 5e-4 * f64::from(fixes);
@@ -363,8 +364,8 @@ fn place(belief: &Belief) -> Geodetic {
     Geodetic::new(belief.x[0], belief.x[1], belief.x[2])
 }
 
-/// Yaw \[rad\] less `heading` after ten minutes at rest with a compass that reads 2° to either side
-/// in turn, and the largest residual \[rad\] on the way.
+/// Yaw \[rad\] minus `heading` after ten minutes at rest with a compass that reads 2° to either side in turn, and the
+/// largest residual \[rad\] in between.
 fn compass_at(heading: f64) -> (f64, f64) {
     let text = format!(
         r#"
@@ -412,12 +413,12 @@ attitude_sigma = [0, 0, "3 deg"]
 #[test]
 fn a_heading_about_plus_minus_180_deg_is_filtered_as_one_about_north() {
     let (north, south) = (compass_at(0.0), compass_at(core::f64::consts::PI));
-    // 1e-9 rad: rounding of π, 1e-16, amplified by nothing that 600 updates know.
+    // 1e-9 rad: rounding of π, 1e-16, without amplification in 600 updates.
     assert!(
         (north.0 - south.0).abs() < 1e-9 && (north.1 - south.1).abs() < 1e-9,
         "{north:?} {south:?}"
     );
-    // The estimate stays between the readings, 4° apart; the last of 600 outweighs the others by 2°/600.
+    // The estimate stays between the readings, 4° apart. The last of 600 has an excess weight of 2°/600.
     assert!(
         south.1 < 4_f64.to_radians() && south.0.abs() < (2.0_f64 / 600.0).to_radians(),
         "{south:?}"
@@ -432,8 +433,8 @@ fn an_inertial_unit_of_1_hz_is_not_believed_more_than_one_of_100_hz() {
     let design = Design::read(document).unwrap_or_else(|d| panic!("{d}"));
     let options = fusion::run::Options::default();
     let campaign = fusion_judge::campaign::monte_carlo(&design, &options, 6, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
-    // Of 3. Without noise for what a second hides attitude and velocity have 10 and 12. What stays of the latter
-    // lies in the moments a car starts to pull away or to turn: the sample before says nothing of them.
+    // Expected 3. Without noise for the motion hidden within a second, attitude and velocity have 10 and 12. The rest
+    // of the velocity NEES arises when a car starts to pull away or to turn: the sample before does not show this.
     for (k, quantity, most) in [(0, "position", 6.0), (1, "velocity", 9.0), (2, "attitude", 4.0)] {
         let nees = campaign.judge(|run| run.nees[k]).unwrap().mean;
         assert!(nees < most, "{quantity}: {nees}");

@@ -1,5 +1,5 @@
-//! The parts library, `configs/parts/KIND/NAME.toml`: every part that is found there, composed into a small design of
-//! its kind and simulated, or included by a shipped design.
+//! The parts library, `configs/parts/KIND/NAME.toml`: every part in the folder, composed into a small design of its
+//! kind and simulated, or included by a shipped design.
 
 use crate::support::Workspace;
 use fusion::config::Document;
@@ -11,8 +11,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
-/// Parts that make no design with companions alone: their streams, or a ship, or a plan of a mission are those of the
-/// designs that include them. Or their tuning is published, and not that of the errors which are simulated.
+/// Parts that do not form a design with companions only: their streams, ship or mission plan are in the designs that
+/// include them. Or their tuning is published and does not match the simulated errors.
 const OF_DESIGNS: [&str; 11] = [
     "gnss/rtk",
     "gnss/single-frequency",
@@ -62,7 +62,7 @@ draw_start = true
 start = { heading = "30 deg" }
 "#;
 
-/// Turns to both sides, so that accelerations about all axes tell attitude from biases.
+/// Turns to both sides, so that accelerations about all axes separate attitude from biases.
 const TRAJECTORY: &str = r#"
 trajectory = [
     { type = "rest", duration = "10 s" },
@@ -74,7 +74,7 @@ trajectory = [
 ]
 "#;
 
-/// For a vehicle that is simulated itself.
+/// For a simulated vehicle.
 const MISSION: &str = r#"
 longest = "2 min"
 mission = [
@@ -97,7 +97,7 @@ impl Part {
         toml::from_str(&self.text).unwrap_or_else(|e| panic!("{}: {e}", self.name))
     }
 
-    /// The design that tries it.
+    /// The design that tests the part.
     fn design(&self) -> String {
         let (companions, more): (&[&str], _) = match self.kind.as_str() {
             "imu" => (&["gnss/zed-f9p-rtk"], ""),
@@ -146,7 +146,7 @@ fn parts() -> Vec<Part> {
     files.map(part).collect()
 }
 
-/// Those that are tried in a design of their kind.
+/// The parts that are tested in a design of their kind.
 fn alone() -> Vec<Part> {
     let parts = parts();
     for name in OF_DESIGNS {
@@ -165,7 +165,7 @@ fn every_part_makes_a_design_of_its_kind_whose_filter_knows_its_errors() {
         let design = Design::read(document).unwrap_or_else(|d| panic!("{}: {d}", part.name));
         let campaign = monte_carlo(&design, &Options::default(), 10, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{}: {d}", part.name));
         for (what, nees) in ["position", "velocity", "attitude"].iter().zip(campaign.pooled().nees) {
-            // Slow errors count once in a run: ten runs of three axes are 30 degrees of freedom, and χ²/30 lies in
+            // Slow errors count once in a run: ten runs with three axes have 30 degrees of freedom, and χ²/30 is within
             // 0.46 … 1.79 with 99 %. The seeds are fixed: the parts have 0.70 … 1.24.
             let nees = nees.unwrap();
             assert!(
@@ -177,7 +177,7 @@ fn every_part_makes_a_design_of_its_kind_whose_filter_knows_its_errors() {
     }
 }
 
-/// The files that a file includes, itself or in a variant, those of its parts too.
+/// The files that a file includes, itself or in a variant, and the files that these include.
 fn included(file: &Path, found: &mut BTreeSet<PathBuf>) {
     fn of(table: &Table) -> Vec<&str> {
         let files = table.get("include").and_then(Value::as_array).into_iter().flatten();
@@ -203,7 +203,7 @@ fn every_other_part_is_in_a_shipped_design_that_is_valid() {
             continue;
         }
         included(&path, &mut used);
-        // With all variants; recorded logs need not be here.
+        // With all variants. Recorded logs are not needed.
         if path.parent() == Some(&configs) {
             w.fusion(&["check", path.to_str().unwrap()]).success();
         } else {
@@ -230,7 +230,7 @@ fn si(value: &Value) -> f64 {
     units::parse(value.as_str().unwrap()).unwrap().0
 }
 
-/// The error that an inertial unit is simulated with is the one that the filter takes it for.
+/// The simulated error of an inertial unit equals the error that the filter declares.
 #[test]
 fn inertial_units_are_simulated_with_the_figures_of_the_filter() {
     for part in parts().iter().filter(|part| part.kind == "imu") {
@@ -243,7 +243,7 @@ fn inertial_units_are_simulated_with_the_figures_of_the_filter() {
             let place = format!("{}, {triad}", part.name);
             assert_eq!(find("process.TRIAD.noise"), find("simulation.imu.TRIAD.noise"), "{place}");
             assert_eq!(find("process.TRIAD.bias.sigma"), find("simulation.imu.TRIAD.bias"), "{place}");
-            // A Gauss-Markov error grows at first like a random walk of σ √(2/τ); of three axes the largest counts.
+            // A Gauss-Markov error at first grows like a random walk of σ √(2/τ). The largest of three axes counts.
             let walk = find("process.TRIAD.bias.random_walk").map_or(0.0, si);
             let wander = find("simulation.imu.TRIAD.markov").map_or(0.0, |markov| {
                 let sigma = match &markov["sigma"] {
@@ -252,13 +252,13 @@ fn inertial_units_are_simulated_with_the_figures_of_the_filter() {
                 };
                 sigma * (2.0 / si(&markov["correlation_time"])).sqrt()
             });
-            // Two digits are written: half a unit of the second one is at most 5 %.
+            // Two digits are written: half a unit of the second digit is at most 5 %.
             assert!((walk - wander).abs() <= 0.05 * wander, "{place}: {walk} and {wander}");
         }
     }
 }
 
-/// White noise that is simulated is the noise that the filter takes a sensor for.
+/// Simulated white noise equals the noise that the filter declares for a sensor.
 #[test]
 fn sensors_are_simulated_with_the_noise_of_the_filter() {
     let mut compared = 0;

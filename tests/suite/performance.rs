@@ -39,7 +39,7 @@ fn the_section_on_speed_is_made_of_the_figures_that_were_measured() {
             assert!(section.contains(value), "{name}");
         }
     }
-    // What the ratios of a filter are measured on, step by step.
+    // The steps whose ratios describe a filter.
     for name in [
         "filter/predict/n=15",
         "filter/predict/n=21",
@@ -60,9 +60,9 @@ fn a_line_of_figures_becomes_a_row_in_the_column_of_its_states() {
     is(2, &["predict", "dense", "50 ns / 100 ns = **0.50**", "60 ns / 100 ns = **0.60**"]);
     is(3, &["predict, Gauss-Markov", "dense", "", "70 ns / 100 ns = **0.70**"]);
     is(4, &["predict", "sparse", "50 ns / 80 ns = **0.63**", ""]);
-    // The longer of two groups.
+    // If two groups match, the longer group is used.
     is(7, &["gate", "3 ns"]);
-    // Another group comes last, under its own name.
+    // Another group is last, under its own name.
     is(10, &["step", "2.0 s user, 2.1 s by the clock"]);
     assert!(section.contains("\nother:\n"), "{section}");
     assert!(

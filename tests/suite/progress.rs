@@ -1,4 +1,4 @@
-//! What a run tells of its progress over recorded files.
+//! The progress that a run reports over recorded files.
 
 use super::support::{DESIGN, Workspace};
 use fusion::config::Document;
@@ -6,10 +6,10 @@ use fusion::design::Design;
 use fusion::run::{Options, run};
 use std::fmt::Write;
 
-/// Rows of each file: some 800 kB, of which readers hold less than a quarter ahead.
+/// Rows of each file: some 800 kB. Readers read less than a quarter of it ahead.
 const ROWS: u32 = 20_000;
 
-/// Fixes of a vehicle that stands still.
+/// Fixes of a vehicle at rest.
 fn rest() -> String {
     (0..ROWS).fold("t,lat,lon,h,vn,ve,vd\n".to_owned(), |mut text, k| {
         let _ = writeln!(text, "{k}.0,47.0000000,8.0000000,400.0,0.0,0.0,0.0");
@@ -17,7 +17,7 @@ fn rest() -> String {
     })
 }
 
-/// The shares that a run of `design` tells.
+/// The progress shares that a run of `design` reports.
 fn shares(workspace: &Workspace, design: &str) -> Vec<f64> {
     let (document, found) = Document::parse("design.toml", design);
     assert!(found.is_empty(), "{found:?}");
@@ -31,7 +31,7 @@ fn shares(workspace: &Workspace, design: &str) -> Vec<f64> {
     told
 }
 
-/// A quarter of the rows is told at a time, and a reader holds up to a quarter ahead.
+/// Each report covers up to a quarter of the rows, and a reader reads up to a quarter ahead.
 fn grow_to_the_end(told: &[f64]) {
     assert!(told.len() >= 4, "{told:?}");
     assert!(told.is_sorted(), "{told:?}");

@@ -1,10 +1,9 @@
-//! Two tables that others published, reproduced by the designs in configs/published.
+//! Two published tables, reproduced by the designs in configs/published.
 //!
-//! The figures are those of the UKF-M project's benchmarks `localization` and `inertial_navigation`
-//! (Brossard, Barrau, Bonnabel 2019, github.com/CAOR-MINES-ParisTech/ukfm) and of an independent
-//! re-implementation of them, several batches of 100 runs, ± between batches. A bound is three of these ±
-//! about the re-implementation; a figure that depends on few bad runs (the NEES of filters that are not
-//! consistent) is held by an inequality.
+//! The figures are those of the UKF-M project's benchmarks `localization` and `inertial_navigation` (Brossard, Barrau,
+//! Bonnabel 2019, github.com/CAOR-MINES-ParisTech/ukfm) and of an independent re-implementation of them: several
+//! batches of 100 runs, ± between batches. A bound is three of these ± about the re-implementation. A figure that
+//! depends on a few bad runs (the NEES of inconsistent filters) is checked by an inequality.
 
 use fusion::config::Document;
 use fusion::design::{Design, FilterSpec};
@@ -30,7 +29,7 @@ struct Row {
     nees_position: f64,
 }
 
-/// What `fusion compare configs/published/FILE --backend BACKEND -n 100` prints.
+/// The output of `fusion compare configs/published/FILE --backend BACKEND -n 100`.
 fn table(file: &str, backend: &str) -> Row {
     let campaign = monte_carlo(&design(file, backend), &Options::default(), 100, 1, 0, &|_| {});
     let pooled = campaign.unwrap_or_else(|d| panic!("{backend}: {d}")).pooled();
@@ -44,7 +43,7 @@ fn table(file: &str, backend: &str) -> Row {
     row
 }
 
-/// Whether a figure is within `bound` of what is wanted.
+/// Asserts that a figure is within `bound` of the wanted value.
 #[track_caller]
 fn near(found: f64, wanted: f64, bound: f64, what: &str) {
     assert!((found - wanted).abs() <= bound, "{what}: {found}, wanted {wanted} ± {bound}");
@@ -60,7 +59,7 @@ fn localisation_in_the_plane_is_as_published() {
         near(row.nees_attitude, 0.94, 3.0 * 0.08, backend);
         near(row.nees_position, 0.98, 3.0 * 0.05, backend);
     }
-    // Published once, without a spread: that of the invariant filter is taken.
+    // Published once, without a spread: the spread of the invariant filter is used.
     let unscented = table(FILE, "right_invariant+unscented");
     near(unscented.attitude, 11.35, 3.0 * 0.7, "unscented");
     near(unscented.position, 0.45, 3.0 * 0.03, "unscented");
@@ -85,8 +84,8 @@ fn inertial_navigation_with_landmarks_is_as_published() {
     near(iterated.nees_attitude, 0.98, 3.0 * 0.01, "invariant, iterated");
     near(iterated.nees_position, 0.98, 3.0 * 0.02, "invariant, iterated");
     let plain = table(FILE, "error_state");
-    // The spread of the batches is itself of few bad runs: published 0.82, again 0.80 ± 0.06, here 0.82 to
-    // 1.02 in four batches.
+    // The spread of the batches depends on a few bad runs: published 0.82, the re-implementation 0.80 ± 0.06, here 0.82
+    // to 1.02 in four batches.
     near(plain.position, 0.80, 4.0 * 0.06, "error_state");
     assert!(
         plain.attitude > invariant.attitude && plain.nees_position > 100.0 && plain.nees_attitude > 5.0,

@@ -1,4 +1,4 @@
-//! False tracks that a gate believes, or must not: what they leave behind in biases and latencies.
+//! False tracks that a gate accepts, or must not accept: their effect on biases and latencies.
 
 use super::real::recorded;
 use super::support::Workspace;
@@ -38,8 +38,8 @@ impl Estimates {
     }
 }
 
-/// 45 s of fixes 60 m beside the road are believed after 30 s, and left again 30 s after their end.
-/// With all of P scaled the latency went to 5 s, with a 1σ of 0.01 s.
+/// Fixes 60 m away from the road for 45 s are accepted after 30 s, and rejected again 30 s after their end. With all of
+/// P scaled the latency went to 5 s, with a 1σ of 0.01 s.
 #[test]
 fn a_false_track_that_is_believed_leaves_the_calibration_alone() {
     if !recorded() {
@@ -61,14 +61,14 @@ fn a_false_track_that_is_believed_leaves_the_calibration_alone() {
             .fold(0.0_f64, |worst, v| worst.max((v - 0.1).abs()));
         let bias = ["x", "y", "z"].map(|axis| e.column(&format!("accel_bias_{axis}")).fold(0.0_f64, |worst, v| worst.max(v.abs())));
         eprintln!("false track at {from} s: the latency strays by {stray:.3} s, accelerometer bias up to {bias:.3?} m/s²");
-        // The bars of the specification; undisturbed 0.018 s and 0.06 m/s².
+        // The limits of the specification; undisturbed 0.018 s and 0.06 m/s².
         assert!(stray <= 0.05 && bias.iter().all(|b| *b <= 0.1), "{stray} {bias:?}");
     }
 }
 
-/// A barometer without a gate, its bias estimated, and 2.6 s of GNSS that is wrong in position and
-/// velocity alike, right after an outage, where five fixes that agree are believed at once. Believed
-/// within half a second, they took height and bias to hundreds of kilometres.
+/// A barometer without a gate, with an estimated bias. Right after an outage, GNSS is wrong in position and velocity
+/// for 2.6 s, when five fixes that agree are accepted at once. When accepted within half a second, they moved height
+/// and bias to hundreds of kilometres.
 #[test]
 fn a_glitch_after_an_outage_is_no_evidence_against_a_barometer() {
     for rate in [1, 2, 5, 10] {

@@ -1,7 +1,7 @@
 //! Real recorded logs, scored against their references.
 //!
-//! The data are not part of the project. They are looked for at `$FUSION_DATA`, by default
-//! `../shared/data`; without them these tests say so and pass.
+//! The data are not part of the project. The tests look for them at `$FUSION_DATA`, by default `../shared/data`.
+//! Without the data these tests say so and pass.
 
 use fusion::config::Document;
 use fusion::design::Design;
@@ -20,7 +20,7 @@ pub(super) fn data() -> Option<PathBuf> {
     found
 }
 
-/// Whether the data are there; says so where they are not.
+/// Returns true if the data exist. Otherwise it prints a message.
 pub(super) fn recorded() -> bool {
     data().is_some()
 }
@@ -48,12 +48,12 @@ pub(super) fn real(name: &str, variants: &[&str], sets: &[&str]) -> Option<Summa
     Some(run(&design, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{e}")))
 }
 
-/// The largest horizontal error of every outage of `seconds` from each of `starts`, every `every`.
+/// The largest horizontal error in every outage of `seconds`, from each of `starts`, one every `every` seconds.
 fn outages(name: &str, starts: &[u32], seconds: u32, every: u32) -> Option<Vec<f64>> {
     outages_of(name, &[], starts, (seconds, every), "filter.backend=error_state")
 }
 
-/// The same of a design with further `variants` and one key `set`.
+/// The same for a design with further `variants` and one key `set`.
 fn outages_of(name: &str, variants: &[&str], starts: &[u32], (seconds, every): (u32, u32), set: &str) -> Option<Vec<f64>> {
     let variants = [&["outages"], variants].concat();
     let mut drifts = Vec::new();
@@ -71,7 +71,7 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// NEES of position and of velocity, 3 being ideal, as required of the recorded logs.
+/// NEES of position and of velocity, with the ideal value 3, as required for the recorded logs.
 fn is_honest(score: &Score) {
     for nees in [score.nees_position.unwrap(), score.nees_velocity.unwrap()] {
         assert!((1.5..=5.0).contains(&nees.mean) && nees.dof == 3, "{nees:?}");
@@ -90,11 +90,11 @@ fn the_car_with_single_point_gnss_is_within_its_bounds() {
         attitude.rms[0] <= 0.08 && attitude.rms[1] <= 0.08 && attitude.rms[2] <= 0.40,
         "{attitude:?}"
     );
-    // The filter knows its errors: NEES of position and velocity within a factor of 2 of 3, and the
-    // horizontal RMS of before the slow GNSS error was a state, 1.405 m, within 3 %.
+    // The filter is consistent: NEES of position and velocity within a factor of 2 of 3. The horizontal RMS before the
+    // slow GNSS error was a state is 1.405 m; the bound is 3 % above it.
     is_honest(&score);
     assert!(score.horizontal_rms <= 1.447, "{}", score.horizontal_rms);
-    // Every row that a source delivered is in one count of each of its consumers.
+    // Every row that a source delivered is in exactly one count of each of its consumers.
     let of_sources = summary.consumers.iter().filter_map(|c| {
         let source = summary.sources.iter().find(|s| s.name == c.stream)?;
         Some((c, source.used))
@@ -105,7 +105,7 @@ fn the_car_with_single_point_gnss_is_within_its_bounds() {
     }
     let fixes = summary.consumers.iter().find(|c| c.name == "gnss_position").unwrap();
     assert!(fixes.used == 2470 && fixes.before_run > 50 && fixes.before_start > 50, "{fixes:?}");
-    // It starts by itself, at the first fix that moves.
+    // It starts by itself, at the first fix in motion.
     assert!((130.0..136.0).contains(&summary.started.unwrap()));
 }
 
@@ -115,14 +115,14 @@ fn the_car_drifts_little_in_a_minute_without_gnss() {
         return;
     };
     assert!(drifts.len() >= 36, "{}", drifts.len());
-    // 10 % above RMS 6.09 m and median 3.90 m of before the slow GNSS error was a state; the
-    // specification asks for 9 m and 6.5 m.
+    // 10 % above RMS 6.09 m and median 3.90 m, the values before the slow GNSS error was a state. The specification
+    // requires 9 m and 6.5 m.
     assert!(
         rms(&drifts) <= 6.70 && drifts[drifts.len() / 2] <= 4.29,
         "{} {drifts:?}",
         rms(&drifts)
     );
-    // Starts that nobody tuned for stay as good.
+    // Other starts, which were not used for tuning, are equally good.
     let Some(others) = outages("pntos-car", &[320, 390], 60, 180) else {
         return;
     };
@@ -148,7 +148,8 @@ fn the_drive_drifts_little_in_half_a_minute_without_gnss() {
         return;
     };
     assert!(drifts.len() >= 15, "{}", drifts.len());
-    // RMS 5.26 m and median 3.16 m, those cut by the end of the log included; the specification asks for 16 m and 8 m.
+    // RMS 5.26 m and median 3.16 m, including outages cut by the end of the log. The specification requires 16 m and 8
+    // m.
     assert!(
         rms(&drifts) <= 5.46 && drifts[drifts.len() / 2] <= 3.55,
         "{} {drifts:?}",
@@ -162,8 +163,8 @@ fn an_invariant_chart_drifts_no_more_where_the_constraints_are_honest() {
         let set = format!("filter.backend={backend}");
         outages_of("rtklib-drive", variants, &[120, 145, 170], (30, 75), &set).map(|drifts| rms(&drifts))
     };
-    // RMS of 16 outages: 4.94 m and 4.84 m, against 5.00 m and 6.35 m with a vertical constraint that is
-    // contradicted by more than its 1σ for eight seconds.
+    // RMS of 16 outages: 4.94 m and 4.84 m. It was 5.00 m and 6.35 m with a vertical constraint that is contradicted by
+    // more than its 1σ for eight seconds.
     let Some(body) = drift(&["loose-constraint"], "error_state") else {
         return;
     };
@@ -205,7 +206,7 @@ fn the_hand_held_unit_is_consistent_with_motion_capture() {
         assert!(p.is_consistent() && v.is_consistent(), "{seed}: {p:?} {v:?}");
         means.push((p.mean, v.mean));
     }
-    // Over the seeds together the means come closer to 3.
+    // Over all seeds together the means are closer to 3.
     let mean = |f: fn(&(f64, f64)) -> f64| means.iter().map(f).sum::<f64>() / means.len() as f64;
     assert!(
         (2.6..3.4).contains(&mean(|m| m.0)) && (2.6..3.4).contains(&mean(|m| m.1)),
@@ -215,8 +216,8 @@ fn the_hand_held_unit_is_consistent_with_motion_capture() {
 
 #[test]
 fn every_backend_gives_the_same_run_to_linearisation_error() {
-    // The charts differ at second order in the correction: a few per cent of a σ, where one
-    // correction is a few degrees; on a running filter below a per mille of the error.
+    // The charts differ at second order in the correction. This is a few per cent of a σ for a correction of a few
+    // degrees, and below one per mille of the error on a running filter.
     for (name, tolerance) in [("rtklib-drive", 2e-3), ("tumvi", 2e-2)] {
         let Some(body) = real(name, &[], &[]) else { return };
         let body = body.score.unwrap().horizontal_rms;
@@ -255,7 +256,7 @@ fn the_two_condition_gate_bears_outliers_and_a_false_track() {
             let gated = horizontal(&["outliers", "gated"], &[seed]).unwrap();
             assert!(gated <= bound * clean, "{name} {seed}: {gated} of {clean}");
         }
-        // The design has a gate of its own.
+        // The design has its own gate.
         let ungated = [
             "run.seed=1",
             "sensor.gnss_position.gate={ type = \"none\" }",
@@ -269,15 +270,15 @@ fn the_two_condition_gate_bears_outliers_and_a_false_track() {
 #[test]
 fn a_field_that_is_wrong_turns_the_heading_less_than_in_the_cascade() {
     let heading = |variants: &[&str]| Some(real("broad", variants, &[])?.score.unwrap().heading_rmse_deg.unwrap());
-    // Where the body moves the field is 8 % and 3° of dip off that of the start, and 2.9° in direction;
-    // the magnet turns it by 10°. Measured 1.18° and 1.43°, and 5 %; the cascade has 2.08° and 1.81°.
+    // Where the body moves, the field differs from that of the start by 8 % and 3° of dip, and by 2.9° in direction.
+    // The magnet turns it by 10°. Measured 1.18° and 1.43°, and 5 %; the cascade has 2.08° and 1.81°.
     let Some(moved) = heading(&["trial_15"]) else { return };
     let beside = heading(&["trial_31"]).unwrap();
     assert!(moved < 1.24 && beside < 1.50, "{moved} {beside}");
     // Measured 1.9° and 2.7°.
     let [moved, beside] = ["trial_15", "trial_31"].map(|trial| heading(&[trial, "wary"]).unwrap());
     assert!(moved < 1.94 && beside < 2.79, "wary: {moved} {beside}");
-    // A filter that believes every field takes its errors for less than they are: measured 118 and 9.9.
+    // A filter that accepts every field is overconfident: measured 118 and 9.9.
     let nees = |variants: &[&str]| real("broad", variants, &[]).unwrap().score.unwrap().nees_attitude.unwrap().mean;
     let (gated, believing) = (nees(&["trial_31"]), nees(&["trial_31", "ungated"]));
     assert!(believing > 5.0 * gated, "every field believed: {believing}, gated {gated}");

@@ -1,4 +1,4 @@
-//! References of several sources, and of some axes only.
+//! References with several sources, and with some axes only.
 
 use crate::support::{DESIGN, Workspace, fixes, has, stderr, stdout};
 use fusion::config::Document;
@@ -9,7 +9,7 @@ use fusion::score::Score;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-/// A receiver without a height, a pressure gauge, and a radar for velocity, each in a file of its own.
+/// A receiver without a height, a pressure gauge, and a radar for velocity, each in its own file.
 const SOURCES: &str = r#"
 [source.rtk]
 type = "csv"
@@ -31,7 +31,7 @@ channels.velocity = { columns = ["vn", "ve", "vd"], unit = "m/s" }
 channels.depth = { column = "depth", unit = "m" }
 "#;
 
-/// The fixes with files of references; the track is 47° + k·10⁻⁴ at 8° and 400 m, the gauge is 9 m below a surface
+/// The fixes and the files of references. The track is 47° + k·10⁻⁴ at 8° and 400 m. The gauge is 9 m below a surface
 /// of 410 m.
 fn workspace(test: &str, reference: &str) -> Workspace {
     let at = Workspace::new(test);
@@ -68,7 +68,7 @@ fn a_reference_without_a_height_is_judged_horizontally() {
     assert!(found.horizontal_rms > 0.1 && found.spread.horizontal.is_some() && found.spread.position.is_none());
     assert_eq!(found.nees_position.unwrap().dof, 2);
     let trajectory = found.trajectory.unwrap();
-    // Not aligned, and in yaw: of a height nothing is known.
+    // Not aligned, and aligned in yaw: the height is unknown.
     assert!(trajectory.horizontal && trajectory.absolute.len() == 2, "{trajectory:?}");
     let ate = trajectory.absolute[0].position.rmse;
     // Metres on the ellipsoid and along axes tangent to it, over 650 m.
@@ -93,11 +93,11 @@ channels = ["velocity"]
     let position = found.position.unwrap();
     // Fixes say 400 m, the gauge 401 m. 1e-3 m: the Earth is round over the 11 m of a second.
     assert!((position.mean[2] - 1.0).abs() < 1e-3 && position.rms[0] > 0.1, "{position:?}");
-    // The gauge's own error is added to that of the filter.
+    // The gauge's 1σ is added to that of the filter.
     assert!(position.three_sigma[2] > 0.3, "{position:?}");
     let dof = [found.nees_position, found.nees_height, found.nees_velocity].map(|c| c.unwrap().dof);
     assert_eq!((dof, found.nees_undefined), ([2, 1, 3], [0; 3]));
-    // At 1 Hz each; the gauge is valid at the full second, a quarter of one before its stamp.
+    // At 1 Hz each. The gauge is valid at the full second, a quarter of a second before its stamp.
     let velocity = found.velocity.unwrap();
     assert!(velocity.mean[0].abs() < 1.0 && found.epochs > 100, "{velocity:?} {}", found.epochs);
     let deeper = score(&at, &["reference.source.gauge.surface=\"408 m\""]).position.unwrap();
@@ -119,7 +119,7 @@ fn sources_of_a_reference_may_be_named_one_by_one_as_the_one_was() {
     assert!(one.velocity.is_some());
 }
 
-/// A vehicle whose compass corrects its yaw five times a second by degrees, recorded; the truth is at its origin.
+/// A recorded vehicle whose compass corrects its yaw five times a second by degrees. The truth is at its origin.
 const COMPASS: &str = r#"
 [sensor.compass]
 type = "attitude"
@@ -136,7 +136,7 @@ fn vector(row: &[f64], first: usize) -> Vector3<f64> {
     Vector3::new(row[first], row[first + 1], row[first + 2])
 }
 
-/// The log of that vehicle, and as `point.csv` the truth at a point `arm` off its origin.
+/// The log of that vehicle, and in `point.csv` the truth at a point with the offset `arm` from its origin.
 fn turning_vehicle(test: &str, arm: [f64; 3]) -> Workspace {
     let at = Workspace::new(test);
     let include = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/ins-gps.toml");
@@ -151,7 +151,7 @@ fn turning_vehicle(test: &str, arm: [f64; 3]) -> Workspace {
     let [mut origin, mut point] = [header, header].map(|header| header.to_owned() + "\n");
     for near in rows.windows(3) {
         let rate = |k: usize| (attitude(&near[k]).inverse() * attitude(&near[k + 1])).scaled_axis() / (near[k + 1][0] - near[k][0]);
-        // The rate is that of both intervals, but where a turn begins or ends.
+        // The rate is that of both intervals, except where a turn begins or ends.
         if (rate(0) - rate(1)).norm() > 1e-3 {
             continue;
         }
@@ -169,7 +169,7 @@ fn turning_vehicle(test: &str, arm: [f64; 3]) -> Workspace {
     at
 }
 
-/// The score of a run of that log.
+/// The score of a run on that log.
 fn of_log(at: &Workspace, sets: &[&str]) -> Summary {
     let mut document = Document::load(&at.path("log/design.toml")).unwrap();
     sets.iter().for_each(|set| document.set(set).unwrap());
@@ -186,8 +186,8 @@ fn corrections_of_the_yaw_are_no_turn_of_the_reference_point() {
     let at = turning_vehicle("lever-velocity", [2.0, 0.5, 0.0]);
     let at_point = ["source.reference.path=\"point.csv\"", "reference.lever_arm=[2, 0.5, 0]"];
     let [origin, point] = [&[][..], &at_point].map(|sets| of_log(&at, sets).score.unwrap().velocity.unwrap());
-    // The velocity of the point differs by 0.33 rad/s · 2.06 m, turned by a yaw that is wrong by 1° at most: 0.012 m/s;
-    // and by the noise of a gyro, 0.002 rad/s · 2.06 m. A correction of 1° taken for a turn of 0.01 s would be 3.6 m/s.
+    // The velocity of the point differs by 0.33 rad/s · 2.06 m, turned by a yaw error of at most 1°: 0.012 m/s. The
+    // noise of a gyro adds 0.002 rad/s · 2.06 m. A correction of 1° taken as a turn in 0.01 s would give 3.6 m/s.
     for k in 0..3 {
         assert!((origin.max[k] - point.max[k]).abs() < 0.02, "{origin:?} {point:?}");
         assert!((origin.rms[k] - point.rms[k]).abs() < 0.005, "{origin:?} {point:?}");
@@ -209,8 +209,8 @@ fn a_wrong_lever_arm_of_the_reference_is_found() {
     let found = at_point("[1, 0, 0]");
     let (_, arm) = found[0].split_once("`reference.lever_arm = [").unwrap();
     let arm: Vec<f64> = arm.split([',', ']']).take(2).map(|n| n.trim().parse().unwrap()).collect();
-    // The error of the filter, 0.4 m with a memory of some seconds, over two minutes; ahead twice that, for only the turns
-    // tell an offset ahead from a lateness.
+    // The error of the filter, 0.4 m with a memory of some seconds, over two minutes. Twice that ahead, because only
+    // the turns separate an offset ahead from a delay.
     assert!((arm[0] - 3.0).abs() < 0.8 && (arm[1] + 1.5).abs() < 0.4, "{found:?}");
     assert!(found[0].contains("an offset of [") && of_log(&at, &[]).findings.iter().all(|f| f.about != "reference"));
 }
@@ -257,11 +257,11 @@ source = "truth"
     at.write("design.toml", design + truth);
     let found = score(&at, &[]);
     let position = found.position.unwrap();
-    // All that is measured is without an error: 1 mm for the curvature of the Earth.
+    // All measurements are exact: 1 mm for the curvature of the Earth.
     assert!(position.max[0] < 1e-3, "{position:?}");
 }
 
-/// Rows of one file are divided by `keep`; those that the filter has used say nothing of it.
+/// `keep` divides the rows of one file. Rows that the filter has used do not judge it.
 #[test]
 fn rows_that_the_filter_uses_are_no_judges() {
     let judge = "

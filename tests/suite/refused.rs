@@ -1,5 +1,5 @@
-//! Every value of every shipped design, replaced by wrong ones: the message points at the value and says
-//! what would be accepted. Of the wrong values every third is tried, another third for each field.
+//! Every value of every shipped design is replaced by wrong values: the message points at the value and says what is
+//! accepted. Every third wrong value is tried, a different third for each field.
 
 use super::rewind::designs;
 use fusion::assembly::{assemble, declared_streams};
@@ -17,14 +17,14 @@ const FOLDERS: [&str; 5] = [
     "configs/templates",
 ];
 
-/// A value of a design, by where it stands.
+/// A value of a design with its place.
 struct Leaf {
     path: String,
     span: Range<usize>,
     wrong: Vec<String>,
 }
 
-/// The values below a node, but for those of variants: each once per kind of block and key.
+/// The values below a node, except those of variants: each once per kind of block and key.
 fn leaves(node: &Node, path: &str, block: &str, seen: &mut BTreeSet<String>, found: &mut Vec<Leaf>) {
     let block = node.get("type").and_then(Node::as_str).unwrap_or(block);
     for entry in node.entries() {
@@ -93,9 +93,8 @@ fn mistakes(text: &str) -> Vec<Diagnostic> {
     errors.cloned().collect()
 }
 
-/// Whether one of the errors stands at the value, or within it; at its key, or at the declaration around it,
-/// where the value is right by itself but not beside the others. A name that is not declared any more is missed
-/// where it is used.
+/// Returns true if one of the errors points at the value or inside it. Also accepted are its key, or the declaration
+/// around it if the value is wrong only in combination with others. An undeclared name is reported where it is used.
 fn is_placed(errors: &[Diagnostic], text: &str, was: &str, span: &Range<usize>, length: usize) -> bool {
     if errors
         .iter()
@@ -115,7 +114,7 @@ fn is_placed(errors: &[Diagnostic], text: &str, was: &str, span: &Range<usize>, 
     })
 }
 
-/// Whether the message says what would be accepted: an example, the words, or what the field is.
+/// Returns true if the message gives the accepted value: an example, the words, or a description of the field.
 fn advises(error: &Diagnostic) -> bool {
     error.help.is_some() || error.label.is_some() || ["e.g.", "write "].iter().any(|said| error.message.contains(said))
 }
@@ -150,7 +149,7 @@ fn each_refused_value_is_pointed_at_and_told_what_is_accepted() {
         }
     }
     assert!(poor.is_empty(), "{} of {refused} messages: {poor:#?}", poor.len());
-    // Names, paths and descriptions may be any text: most other values are refused.
+    // Names, paths and descriptions may be any text. Most other values are rejected.
     assert!(
         refused > 1500 && refused * 10 > values * 7,
         "{refused} of {values} values are refused"

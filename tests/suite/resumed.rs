@@ -1,4 +1,4 @@
-//! Runs that are stopped or killed and gone on with: the same files, to the last bit, as without a stop.
+//! Runs that are stopped or killed and then resumed: the same files, to the last bit, as without a stop.
 
 use super::real::real_design;
 use super::rewind::{designs, rows, shipped};
@@ -40,12 +40,12 @@ impl RunObserver for Stop {
     }
 }
 
-/// All files of a folder; those of summary.json without what the clock says.
+/// All files of a folder; summary.json without the values that depend on the clock.
 fn files(folder: &Path) -> BTreeMap<PathBuf, String> {
     let read = |path: PathBuf| {
         let mut text = fs::read_to_string(&path).unwrap();
         if path.ends_with("summary.json") {
-            // And what memory is allocated.
+            // And without the allocated memory.
             let timed = ["wall_seconds", "filter_ns_per_epoch", "longest_seconds", "\"memory\": "];
             let lines = text.lines().filter(|line| !timed.iter().any(|t| line.contains(t)));
             text = lines.collect::<Vec<_>>().join("\n");
@@ -55,7 +55,7 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, String> {
     fs::read_dir(folder).unwrap().map(|f| read(f.unwrap().path())).collect()
 }
 
-/// Runs, before row `at` being stopped, and what a report would draw.
+/// Runs, stops before row `at`, and returns the data that a report would draw.
 fn run(design: &Design, options: &Options, at: u64) -> Result<Vec<u8>, String> {
     let run = Run::open(design, options).unwrap_or_else(|d| panic!("{d}"));
     let mut recording = Recording::of(design, run.assembly());
@@ -67,7 +67,7 @@ fn run(design: &Design, options: &Options, at: u64) -> Result<Vec<u8>, String> {
     Ok(drawn)
 }
 
-/// Stops a run of so many rows twice, goes on, and compares all that comes out with a run without a stop.
+/// Stops a run with this number of rows twice, resumes it, and compares all results with a run without a stop.
 fn goes_on(name: &str, design: &Design, options: &Options, count: u64) {
     let stem = Path::new(name).file_stem().unwrap().to_str().unwrap();
     let w = Workspace::new(&format!("resumed-{stem}"));
@@ -88,7 +88,7 @@ fn goes_on(name: &str, design: &Design, options: &Options, count: u64) {
         ..to("stopped")
     };
     let mut random = Lcg::new(count);
-    // The first checkpoint comes after 64 rows.
+    // The first checkpoint is after 64 rows.
     assert!(count > 200, "{name}: {count} rows");
     let first = count / 3 + (random.unit() * (count / 4) as f64) as u64;
     let second = first + 1 + (random.unit() * (count / 3) as f64) as u64;
@@ -120,7 +120,7 @@ fn goes_on(name: &str, design: &Design, options: &Options, count: u64) {
     assert!(drawn == whole, "{name}: what a report draws");
 }
 
-/// Held back and smoothed with a lag, and rewinding.
+/// With hold order and smoothing with a lag, and with rewinding.
 fn obeys(name: &str, read: impl Fn(&[&str]) -> (Design, Options)) {
     let (design, options) = read(&[]);
     let is_steered = design.simulation.as_ref().is_some_and(|s| s.block.world.vehicle.is_some());
@@ -133,7 +133,7 @@ fn obeys(name: &str, read: impl Fn(&[&str]) -> (Design, Options)) {
         "run.smooth={ lag = \"1.5 s\" }"
     };
     let rewind = ["run.order=\"rewind\"", "run.rewind={ horizon = \"3 s\", spacing = \"0.25 s\" }"];
-    // Opening a recorded log takes longer than the run: the orders take turns.
+    // To open a recorded log takes longer than the run: so the orders alternate.
     let orders = [&[smooth][..], &rewind];
     let is_both = design.simulation.is_some() || name == "pntos-car";
     let turn = name.len() % 2;
@@ -176,7 +176,7 @@ fn fusion(folder: &Path, args: &[&str]) -> Command {
     command
 }
 
-/// `FUSION_KILLS` says how often; 6 times where it does not.
+/// `FUSION_KILLS` gives the number of kills, 6 by default.
 #[test]
 fn a_run_that_is_killed_again_and_again_ends_as_without_a_stop() {
     let kills = std::env::var("FUSION_KILLS").map_or(6, |n| n.parse().unwrap());
@@ -212,7 +212,7 @@ fn a_run_that_is_killed_again_and_again_ends_as_without_a_stop() {
 fn compare(w: &Workspace) {
     let [killed, whole] = ["killed", "whole"].map(|folder| files(&w.path(folder)));
     assert_eq!(killed.keys().collect::<Vec<_>>(), whole.keys().collect::<Vec<_>>());
-    // report.html tells the time that the run took.
+    // report.html contains the duration of the run.
     for name in ["estimates.csv", "updates.csv", "summary.json"] {
         assert!(killed[Path::new(name)] == whole[Path::new(name)], "{name}");
     }

@@ -1,4 +1,4 @@
-//! Rows that come late, used by going back: every shipped design, any order of arrival.
+//! Rows that arrive late, used by going back: every shipped design, any order of arrival.
 
 use super::real::real_design;
 use super::support::Workspace;
@@ -14,11 +14,11 @@ use fusion::observe::{RunEvent, RunObserver};
 use fusion::run::{Options, Run};
 use std::path::{Path, PathBuf};
 
-/// How far back designs go here \[s\].
+/// The horizon of the designs here \[s\].
 const HORIZON: f64 = 3.0;
 const REWIND: [&str; 2] = ["run.order=\"rewind\"", "run.rewind={ horizon = \"3 s\", spacing = \"0.25 s\" }"];
 
-/// A row as it was fed.
+/// A row as fed to the navigator.
 #[derive(Clone)]
 pub struct Fed {
     pub stream: usize,
@@ -47,17 +47,17 @@ impl RunObserver for Rows {
     }
 }
 
-/// The rows of a design, `most` at most.
+/// The rows of a design, at most `most`.
 pub fn rows(design: &Design, options: &Options, most: usize) -> Vec<Fed> {
     let mut rows = Rows(Vec::new(), most);
-    // It stops where there are enough.
+    // It stops when there are enough rows.
     let _ = Run::open(design, options)
         .unwrap_or_else(|d| panic!("{d}"))
         .go(&mut [&mut rows], &mut |_| {});
     rows.0
 }
 
-/// What is left of a run: the memory of the newest belief, and how much was told.
+/// The result of a run: the memory of the newest belief, and the number of events.
 #[derive(Debug, PartialEq)]
 pub struct End {
     pub time: Time,
@@ -71,7 +71,7 @@ pub fn navigator(design: &Design) -> Navigator {
     Navigator::from_assembly(assemble(design, declared_streams(design).unwrap()).unwrap_or_else(|e| panic!("{e}")))
 }
 
-/// Feeds `rows` in this order to `nav`, to the end of the log where it `ends`.
+/// Feeds `rows` in this order to `nav`, and ends the log if `ends`.
 pub fn feed(nav: &mut Navigator, rows: &[Fed], ends: bool, told: &mut dyn FnMut(&Event<'_>)) {
     let mut observer = |event: &Event<'_>| told(event);
     for row in rows {
@@ -115,7 +115,7 @@ fn ended(design: &Design, rows: &[Fed]) -> (Option<End>, u64) {
     (end, count)
 }
 
-/// Orders of arrival: by how much each row comes late \[ns\].
+/// Orders of arrival: the delay of each row \[ns\].
 fn lateness(kind: usize, random: &mut Lcg, rows: &[Fed]) -> Vec<i64> {
     // Below the horizon.
     let most = 0.97 * HORIZON;
@@ -131,13 +131,13 @@ fn lateness(kind: usize, random: &mut Lcg, rows: &[Fed]) -> Vec<i64> {
         nanos(match kind {
             // Uniform.
             0 => most * random.unit(),
-            // All of a stream at once, every so often.
+            // All rows of a stream at once, from time to time.
             1 => burst[row.stream] - seconds.rem_euclid(burst[row.stream]),
-            // Everything but the densest stream by two seconds or so, with jitter.
+            // All streams except the densest, by about two seconds, with jitter.
             2 if row.stream != densest => 0.6 * most + 0.4 * most * random.unit(),
-            // Each stream by a time of its own, with jitter; some rows come at once.
+            // Each stream with its own delay, with jitter. Some rows arrive at once.
             3 if random.unit() < 0.8 => late[row.stream] + 0.4 * most * random.unit(),
-            // The input alone, by less than what is coasted through.
+            // Only the input, by less than the duration that coasting covers.
             4 if row.stream == densest => 0.09,
             _ => 0.0,
         })
@@ -148,16 +148,16 @@ fn lateness(kind: usize, random: &mut Lcg, rows: &[Fed]) -> Vec<i64> {
 pub fn shuffled(kind: usize, random: &mut Lcg, rows: &[Fed]) -> Vec<Fed> {
     let late = lateness(kind, random, rows);
     let mut order: Vec<usize> = (0..rows.len()).collect();
-    // Rows of one stream and one stamp stay in order: nothing else tells them apart.
+    // Rows of one stream with one stamp stay in order: no other property distinguishes them.
     order.sort_by_key(|&k| (rows[k].time.shifted(late[k]), k));
     order.into_iter().map(|k| rows[k].clone()).collect()
 }
 
-/// In time order, and in orders of arrival of every kind: the same to the last bit, held back or rewound.
+/// In time order, and in all kinds of arrival orders: the same to the last bit, held back or rewound.
 fn obeys(name: &str, read: impl Fn(&[&str]) -> (Design, Options), most: usize) {
     let (rewinding, options) = read(&REWIND);
     let (holding, _) = read(&["run.reorder=\"3 s\""]);
-    // Longer where the filter starts later.
+    // Longer if the filter starts later.
     let starts = [1, 4, 16].map(|times| times * most).into_iter().find_map(|most| {
         let rows = rows(&rewinding, &options, most);
         let (wanted, _) = ended(&holding, &rows);
@@ -174,7 +174,7 @@ fn obeys(name: &str, read: impl Fn(&[&str]) -> (Design, Options), most: usize) {
         let (end, rewinds) = ended(&rewinding, &late);
         assert_eq!(end, wanted, "{name}: rewinding, order {kind}");
         let alone = rows.iter().all(|row| row.stream == rows[0].stream);
-        // Of an input that is a little late, no other row need have come meanwhile.
+        // If the input is only a little late, no other row need arrive in between.
         assert!(rewinds > 0 || alone || kind == 4, "{name}: order {kind} never goes back");
     }
 }
@@ -235,7 +235,7 @@ fn offsets_and_leaders(sets: &[&str]) -> (Design, Options) {
     with(super::order::DESIGN, sets)
 }
 
-/// The same, started without standing still: by a fix and an attitude that is hardly known.
+/// The same, started without standstill: by a fix and an attitude with a large σ.
 fn starting_anywhere(sets: &[&str]) -> (Design, Options) {
     let (before, rest) = super::order::DESIGN.split_once("[initial.level]").unwrap();
     let (_, fix) = rest.split_once("[initial.fix]").unwrap();
@@ -251,14 +251,14 @@ fn with(text: &str, sets: &[&str]) -> (Design, Options) {
     (Design::read(document).unwrap_or_else(|d| panic!("{d}")), Options::default())
 }
 
-/// Estimated offsets look at the input after them: where that comes later it has to be looked at, too.
+/// Estimated offsets use the input after them: if this input arrives later, it must be used too.
 #[test]
 fn what_has_been_looked_at_is_looked_at_again() {
     obeys("offsets and leaders", offsets_and_leaders, 2500);
 }
 
-/// What goes wrong with the instruments: gaps that are coasted through, one after which the filter starts anew,
-/// spikes, an instrument that freezes, fixes that are wrong one by one and for a while.
+/// Faults of the instruments: gaps with coasting, one gap after which the filter starts again, spikes, an instrument
+/// that freezes, single wrong fixes and a series of wrong fixes.
 const TROUBLE: [&str; 7] = [
     "process.input.longest_gap=\"1.2 s\"",
     "simulation.imu.fault.gap={ type = \"outage\", window = { from = \"7 s\", duration = \"0.4 s\", every = \"2.9 s\" } }",
@@ -268,7 +268,7 @@ const TROUBLE: [&str; 7] = [
     "simulation.sensor.position.fault.outliers={ type = \"outliers\", rate = 0.05, size = [\"10 m\", \"30 m\"] }",
     "simulation.sensor.position.fault.track={ type = \"spike\", channel = \"position\", value = [40, 0, 0], window = { from = \"9 s\", duration = \"2.8 s\" } }",
 ];
-/// Every gate, so quick to deny, to resume and to believe against the estimate that it does all of it.
+/// Every gate, with limits so low that it denies, resumes and re-acquires.
 const GATES: [(&str, &[&str]); 4] = [
     ("none", &["sensor.position.gate={ type = \"none\" }"]),
     (
@@ -407,7 +407,7 @@ fn snapshots_of_fifteen_states_are_quick() {
     });
     let best = best.fold(f64::MAX, f64::min);
     eprintln!("{n} states: {} bytes in {:.0} ns", bytes.len(), best * 1e9);
-    // Ten thousand a second at a tenth of the time; 1 us is what it takes on an idle machine.
+    // Ten thousand per second at a tenth of the time; an idle machine takes 1 us.
     assert!(best < 1e-5, "{best} s");
 }
 

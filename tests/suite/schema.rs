@@ -4,7 +4,7 @@ use jsonschema::error::ValidationError;
 use serde_json::{Value, json};
 use std::sync::LazyLock;
 
-/// What of a design the schema does not allow, each as `/path/to/the/value keyword: what is wrong`.
+/// The errors that the schema finds in a design, each as `/path/to/the/value keyword: reason`.
 fn against_schema(design: &Value) -> Vec<String> {
     static SCHEMA: LazyLock<Validator> = LazyLock::new(|| jsonschema::draft202012::new(&fusion::schema::design()).unwrap());
     let told = |error: ValidationError<'_>| format!("{} {}: {error}", error.instance_path(), error.kind().keyword());
@@ -15,7 +15,7 @@ fn read(toml: &str) -> Value {
     serde_json::to_value(toml::from_str::<toml::Table>(toml).unwrap()).unwrap()
 }
 
-/// The example of every block where it belongs in a design.
+/// The example of every block at its place in a design.
 #[test]
 fn every_example_is_valid() {
     fusion::models::link();
@@ -79,14 +79,14 @@ fn every_shipped_design_is_valid() {
     assert!(count > 0);
 }
 
-/// That the comparison can fail.
+/// The comparison can fail.
 #[test]
 fn slips_are_invalid() {
     let sensor = "[sensor.x]\ntype = \"zero_velocity\"\nsource = \"gnss\"\nnoise = { sigma = 1 }\n";
     let stage = "[stage.x]\ntype = \"periodic\"\nsource = \"gnss\"\n";
     let simulation = "[simulation]\ntrajectory = [{ type = \"rest\", duration = 1 }]\n[simulation.imu]\nrate = 1\n";
     let slips = [
-        // What is missing.
+        // Missing keys.
         (sensor.replace("source = \"gnss\"\n", ""), ["/sensor/x required"].as_slice()),
         (stage.to_owned(), &["/stage/x required"]),
         (sensor.replace("type = \"zero_velocity\"\n", ""), &["/sensor/x required"]),
@@ -100,7 +100,7 @@ fn slips_are_invalid() {
         ),
         // Parts.
         ("include = \"part.toml\"".to_owned(), &["/include type"]),
-        // Names that there are not: of a table, a key, a block, a choice.
+        // Unknown names: a table, a key, a block, a choice.
         ("[sensors.x]".to_owned(), &["/sensors not"]),
         (format!("{sensor}lever_rm = 1"), &["/sensor/x/lever_rm not"]),
         (sensor.replace("zero_velocity", "zero_velocty"), &["/sensor/x/type enum"]),
@@ -113,7 +113,7 @@ fn slips_are_invalid() {
         (sensor.replace("{ sigma = 1 }", "true"), &["/sensor/x/noise type"]),
         (sensor.replace("{ sigma = 1 }", "[1, true]"), &["/sensor/x/noise/1 type"]),
         (sensor.replace("{ sigma = 1 }", "{ sigm = 1 }"), &["/sensor/x/noise/sigm not"]),
-        // Deep inside a block: of a parameter, a gate, a segment of a trajectory.
+        // Deep inside a block: a parameter, a gate, a segment of a trajectory.
         (
             sensor.replace("zero_velocity", "gnss_position") + "lever_arm = { estimate = true, initial = [0, 0, 1], sigma = true }",
             &["/sensor/x/lever_arm/sigma type"],
@@ -127,7 +127,7 @@ fn slips_are_invalid() {
             simulation.replace("duration = 1", "duration = true"),
             &["/simulation/trajectory/0/duration type"],
         ),
-        // A fault without its rate and with a key of another, of a source and of the simulated unit.
+        // A fault without its rate and with a key of another fault, on a source and on the simulated unit.
         (
             "[source.gnss.fault.x]\ntype = \"drop\"\nshare = 0.1".to_owned(),
             &["/source/gnss/fault/x required", "/source/gnss/fault/x/share not"],
@@ -150,7 +150,7 @@ fn slips_are_invalid() {
     assert_eq!(against_schema(&read(crate::support::DESIGN)), [] as [&str; 0]);
 }
 
-/// What editors are told of is what the program prints: `fusion schema > schema/fusion.schema.json`.
+/// The schema for editors is the output of the program: `fusion schema > schema/fusion.schema.json`.
 #[test]
 fn the_published_schema_is_the_printed_one() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("schema/fusion.schema.json");

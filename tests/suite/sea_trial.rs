@@ -1,4 +1,4 @@
-//! The figures of the sea trial of 4 h: fixes, and how the filter lies beside them.
+//! The figures of the sea trial of 4 h: fixes, and their distance from the filter.
 
 use super::steered::design;
 use fusion::core::filter::Verdict;
@@ -11,7 +11,7 @@ use fusion::models::fault::Windows;
 use fusion::observe::{RunEvent, RunObserver};
 use fusion::run::{Options, Run};
 
-/// Errors count from here on \[s\].
+/// Errors count from this time on \[s\].
 const SETTLED: f64 = 60.0;
 
 /// A fix and the estimate just before it.
@@ -25,7 +25,7 @@ struct Fix {
     is_used: bool,
 }
 
-/// Hears what the report draws.
+/// Receives the data that the report draws.
 #[derive(Default)]
 struct Trial {
     fixes: Vec<Fix>,
@@ -69,7 +69,7 @@ impl RunObserver for Trial {
     }
 }
 
-/// Length of a way over the ground \[m\].
+/// Length of a path over the ground \[m\].
 fn length(places: impl Iterator<Item = Geodetic>) -> f64 {
     let places: Vec<_> = places.collect();
     places.windows(2).map(|w| w[1].difference(&w[0]).xy().norm()).sum()
@@ -77,7 +77,7 @@ fn length(places: impl Iterator<Item = Geodetic>) -> f64 {
 
 #[test]
 fn the_figures_of_the_sea_trial_are_those_of_the_paper() {
-    // Without wild fixes: how far the others lie from the filter is what the paper shows.
+    // Without wild fixes: the paper shows the distance of the other fixes from the filter.
     let design = design("uri-r-sea-trial.toml", &[], &["simulation.ship.usbl.fault.wild.rate=0"]);
     // The order of declaration: `sensor: 0` above is the USBL.
     let first = design.sensors.iter().position(|s| s.name == "usbl");
@@ -91,7 +91,7 @@ fn the_figures_of_the_sea_trial_are_those_of_the_paper() {
     assert_eq!(first, Some(0));
     assert!(summary.control.as_ref().is_some_and(|c| c.is_done));
 
-    // What the vehicle loses is known for all four hours: 4 % on average.
+    // The slip of the vehicle is known for all four hours: 4 % on average.
     let is_inside = |[slip, sigma]: &[f64; 2]| (slip - 0.04).abs() <= 3.0 * sigma;
     let inside = trial.slips.iter().filter(|slip| is_inside(slip)).count() as f64 / trial.slips.len() as f64;
     let last = trial.slips.last().unwrap();
@@ -105,21 +105,21 @@ fn the_figures_of_the_sea_trial_are_those_of_the_paper() {
     // The table of parameter errors says the same: the true slip is that of the simulated vehicle.
     let score = summary.score.as_ref().unwrap();
     let scored = score.blocks.iter().find(|b| b.name == "tracks.slip").unwrap();
-    // 1e-3: half its 1σ; the estimate noted last is some seconds older.
+    // 1e-3: half its 1σ. The latest recorded estimate is some seconds older.
     assert!((scored.error[0] - (last[0] - 0.04)).abs() < 1e-3, "{scored:?} {last:?}");
     let spent = &summary.health[0].spent;
     let good = spent.of(State::Good) / spent.total();
     println!("health: good {:.1} %", 100.0 * good);
     assert!(good >= 0.95, "{spent:?}");
 
-    // Most intervals are near a second, and none is longer than five pings; 0.2 s: four σ of the spread.
+    // Most intervals are near a second, and none is longer than five pings. 0.2 s: four σ of the spread.
     let intervals: Vec<f64> = trial.fixes.windows(2).map(|w| w[1].t - w[0].t).collect();
     let near = intervals.iter().filter(|t| **t < 1.5).count() as f64 / intervals.len() as f64;
     let longest = intervals.iter().fold(0.0, |m: f64, t| m.max(*t));
     println!("intervals: {:.0} % below 1.5 s, longest {longest:.2} s", 100.0 * near);
     assert!(near > 0.5 && (4.0..5.2).contains(&longest), "{near} {longest}");
 
-    // The fixes lie about a metre from the filter at most, farthest while it trenches.
+    // The fixes are at most about a metre away from the filter, farthest while it trenches.
     let episodes = design.reference.as_ref().and_then(|r| r.block.episodes.clone()).unwrap();
     let is_during = |t: f64| Windows::contains(&episodes, Time::from_seconds(t));
     let counted = trial.fixes.iter().filter(|f| f.t > SETTLED && f.is_used);
@@ -133,14 +133,14 @@ fn the_figures_of_the_sea_trial_are_those_of_the_paper() {
         "fix to estimate: largest {:.2} m, trenching {:.2} m; {beyond} of {all} above 1 m",
         most[0], most[1]
     );
-    // Noise of 0.3 m on either axis, as doubled while trenching: of 1900 fixes one is beyond 1.38 m = 0.3 m √(2 ln(1900/0.05))
-    // with a probability of 5 %.
+    // Noise of 0.3 m on each axis, doubled while trenching: one of 1900 fixes is beyond 1.38 m = 0.3 m √(2
+    // ln(1900/0.05)) with a probability of 5 %.
     assert!(
         most[0] < most[1] && most[0] < 1.0 && most[1] < 1.38 && beyond * 500 < all,
         "{most:?} {beyond}"
     );
 
-    // The filter's way is shorter than that of the fixes, and nearly as long as the true one.
+    // The path of the filter is shorter than that of the fixes, and nearly as long as the true path.
     let used = || counted.clone();
     let ratio = length(used().map(|f| f.estimate)) / length(used().map(|f| f.place));
     println!("length of the filter's way over that of the fixes: {ratio:.3}");

@@ -1,5 +1,5 @@
-//! What a process says of the vehicle: position, velocity and attitude in estimates.csv against a known motion, for
-//! processes that derive some of it from their input or from other states.
+//! The solution of a process: position, velocity and attitude in estimates.csv compared with a known motion, for
+//! processes that derive a part of the solution from their input or from other states.
 
 use crate::support::Workspace;
 use fusion::core::geometry::wgs84::Geodetic;
@@ -11,7 +11,7 @@ const U: f64 = 2.0;
 const R: f64 = 0.1;
 /// Heading at the start \[rad\].
 const START: f64 = 0.5;
-/// What the heading of the attitude reference is off \[rad\].
+/// Heading error of the attitude reference \[rad\].
 const OFF: f64 = -0.7;
 /// Seconds between two rows.
 const STEP: f64 = 0.1;
@@ -88,7 +88,7 @@ fn errors(of: &impl Fn(&str) -> Vec<f64>) -> [f64; 3] {
             .max(roll.to_radians().abs())
             .max(pitch.to_radians().abs());
         let found = [(vn - U * psi.cos()).hypot(ve - U * psi.sin()), turn, (n - north).hypot(e - east)];
-        // A NaN is larger than all.
+        // A NaN counts as larger than all numbers.
         worst = [0, 1, 2].map(|i| if found[i] <= worst[i] { worst[i] } else { found[i] });
     }
     worst
@@ -120,9 +120,9 @@ noise = { sigma = "10 cm" }
 "#;
     let of = estimates("dead-reckoning", reference);
     let [v, turn, moved] = errors(&of);
-    // The log is without noise: a thousandth of what the start was off, 2 m/s and 0.2 rad, is left.
+    // The log is without noise: one thousandth of the initial errors, 2 m/s and 0.2 rad, remains.
     assert!(v < 2e-3 && turn < 1e-3 && moved < 1e-3, "{v} {turn} {moved}");
-    // The error of the attitude is that of the offset about down, and none of tilt.
+    // The error of the attitude is that of the offset about down, without tilt.
     let [yaw, offset, roll, north] = ["sigma_yaw_deg", "sigma_heading_offset", "sigma_roll_deg", "sigma_vn_mps"].map(&of);
     for ((yaw, offset), (roll, north)) in yaw.iter().zip(&offset).zip(roll.iter().zip(&north)) {
         assert!((yaw.to_radians() - offset).abs() < 1e-6 && *roll < 1e-6, "{yaw} {offset} {roll}");

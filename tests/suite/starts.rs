@@ -1,4 +1,4 @@
-//! Starts at any moment of a recorded drive: what is estimated after a minute is as certain as it is said to be.
+//! Starts at any moment of a recorded drive: after a minute the errors of the parameters agree with their σ.
 
 use super::real::{real, recorded};
 use fusion::run::{FinalState, Summary};
@@ -7,18 +7,18 @@ use fusion::run::{FinalState, Summary};
 struct Starts {
     design: &'static str,
     moments: [f64; 20],
-    /// Its last row \[s\].
+    /// The last row of the log \[s\].
     last: f64,
     walks: [f64; 2],
     /// The largest difference \[σ\].
     most: f64,
 }
 
-/// Squares of the differences between `early` and the `end` of the log, `seconds` later, over the variance of the former
-/// and what the axis may have walked since.
+/// Squared differences between `early` and the `end` of the log, `seconds` later, over the sum of the early variance
+/// and the random walk of the axis since then.
 fn squares(starts: &Starts, early: &[FinalState], end: &[FinalState], seconds: f64) -> Vec<(String, f64)> {
     let of_block = |block: &FinalState| {
-        // An error of the receiver that returns to zero by itself is another one at the end.
+        // A receiver error that returns to zero by itself has another value at the end.
         let known = !block.start_sigma.is_empty() && block.value.len() == block.sigma.len();
         let end = end.iter().find(|b| b.name == block.name).filter(|_| known)?;
         let walk = ["gyro_bias", "accel_bias"]
@@ -71,7 +71,7 @@ fn a_minute_after_any_start_parameters_are_as_near_to_where_they_end_as_they_are
     if !recorded() {
         return;
     }
-    // Moments in motion, evenly among those above 4 m/s; the initialisers wait for the next rest.
+    // Moments in motion, evenly distributed among those above 4 m/s. The initialisers wait for the next rest.
     judge(&Starts {
         design: "rtklib-drive",
         moments: [
@@ -80,8 +80,8 @@ fn a_minute_after_any_start_parameters_are_as_near_to_where_they_end_as_they_are
         ],
         last: 552.0,
         walks: [1.1e-5, 5e-5],
-        // The bias of its y gyro wanders by 0.8 mrad/s in six minutes, four times what is declared. A random walk of that
-        // size makes the drift in outages half as large again.
+        // The bias of its y gyro wanders by 0.8 mrad/s in six minutes, four times the declared value. A random walk of
+        // that size increases the drift in outages by a half.
         most: 6.5,
     });
     judge(&Starts {

@@ -1,4 +1,4 @@
-//! Vehicles that are steered by the estimate of their own filter.
+//! Vehicles steered by the estimate of a filter.
 
 use fusion::Navigator;
 use fusion::assembly::{Assembly, assemble, declared_streams};
@@ -35,8 +35,8 @@ fn record(design: &Design, seed: u64) -> Record {
     summary(design, seed).control.unwrap()
 }
 
-/// What is asked of the square: the final error of the heading below 1° on each leg, overshoot at most 4°,
-/// and an end within 0.3 m of the start.
+/// The requirements for the square: the final error of the heading below 1° on each leg, overshoot at most 4°, and an
+/// end within 0.3 m of the start.
 pub fn check_square(record: &Record) {
     assert!(record.is_done && record.legs.len() == 8, "{record:?}");
     let is_turn = |leg: &&Leg| leg.name.starts_with("turn");
@@ -82,14 +82,14 @@ fn the_controller_sees_the_estimate_and_not_the_truth() {
     let record = summary.control.unwrap();
     assert!(record.is_done && yaw.rms[2] > 3.0, "{yaw:?}");
     for leg in &record.legs[1..] {
-        // The estimate is wrong by the bias, and the heading as wrong the other way: the vehicle takes
-        // itself to be within 1° of what is wanted, and it is known to 1°.
+        // The estimate is wrong by the bias, and the heading has the opposite error. The estimated heading is within 1°
+        // of the commanded heading, and its 1σ is 1°.
         let wrong = leg.heading.unwrap().errors.last.to_degrees() + yaw.mean[2];
         assert!(wrong.abs() < 2.0, "{leg:?} {yaw:?}");
     }
 }
 
-/// The stamps and numbers of the truth, the vehicle being steered by a filter that is fed like in a program.
+/// The stamps and numbers of the truth. A filter that is fed like in a program steers the vehicle.
 fn path(design: &Design) -> Vec<(Time, Vec<f64>)> {
     let assembled = || -> Assembly { assemble(design, declared_streams(design).unwrap()).unwrap_or_else(|d| panic!("{d}")) };
     let simulation = design.simulation.as_ref().unwrap();
@@ -109,7 +109,7 @@ fn path(design: &Design) -> Vec<(Time, Vec<f64>)> {
 
 #[test]
 fn a_late_row_comes_late_to_the_controller_too() {
-    // Where the start is not drawn, no initialiser is missing in a program that feeds rows.
+    // If the start is not drawn, a program that feeds rows needs no initialiser.
     let base = ["simulation.draw_start=false", "run.reorder=12", "simulation.longest=60"];
     let fault = |what: &str| {
         let fault = format!("simulation.sensor.attitude.fault.x={{ {what}, window = {{ from = 20, to = 22 }} }}");
@@ -117,7 +117,7 @@ fn a_late_row_comes_late_to_the_controller_too() {
     };
     let (late, never) = (fault("type = \"late\", by = 10"), fault("type = \"outage\""));
     let first_difference = late.iter().zip(&never).find(|(a, b)| a != b).unwrap().0.0.seconds();
-    // The first of them comes at 30 s; a command acts a tenth of a second and a step later at most.
+    // The first late row arrives at 30 s. A command acts at most a tenth of a second and a step later.
     assert!((30.0..30.3).contains(&first_difference), "{first_difference}");
 }
 
@@ -135,13 +135,13 @@ fn a_vehicle_without_an_estimate_stands() {
     assert!(places.len() == 201 && places.iter().all(|place| *place == places[0]));
 }
 
-/// From the target of the straight run to where it ended: east, north \[m\].
+/// From the target of the straight run to its end: east, north \[m\].
 fn straight_miss(record: &Record) -> [f64; 2] {
     let [north, east] = record.legs[1].miss.unwrap();
     [east, north]
 }
 
-/// Whether it ended within 0.8 m east and 0.6 m north of its target, as is asked in nine of ten runs.
+/// Returns true if the run ended within 0.8 m east and 0.6 m north of its target, as required for nine of ten runs.
 pub fn is_near(record: &Record) -> bool {
     let [east, north] = straight_miss(record);
     record.is_done && east.abs() <= 0.8 && north.abs() <= 0.6
@@ -153,7 +153,7 @@ fn the_straight_run_ends_near_its_target() {
     for seed in 1..=3 {
         let record = record(&design, seed);
         let [east, north] = straight_miss(&record);
-        // It is told what is true of the end: 29 m at 30 deg and what is missed. 1e-9 m: rounding.
+        // The record has the true end: 29 m at 30 deg plus the miss. 1e-9 m: rounding.
         let [n, e, _] = record.closure;
         assert!((n - 25.1 - north).hypot(e - 14.5 - east) < 1e-9, "{record:?}");
         assert!(is_near(&record), "{east} {north}");
@@ -163,7 +163,7 @@ fn the_straight_run_ends_near_its_target() {
 /// The first hour: two episodes of trenching and a zone of zigzag.
 const HOUR: &str = "simulation.longest=3800";
 
-/// Position errors of a navigator on the way of the sea trial: RMS and 95 % NEES band.
+/// Position errors of a navigator on the path of the sea trial: RMS and 95 % NEES band.
 fn sea_trial(variants: &[&str], sets: &[&str], seed: u64) -> (f64, Summary) {
     let summary = summary(&design("uri-r-sea-trial.toml", variants, sets), seed);
     let rms = summary.score.as_ref().unwrap().position.unwrap().rms;
@@ -243,21 +243,21 @@ fn the_square_is_driven_by_each_instrument_and_by_the_navigator_as_printed() {
         let summary = summary(&design("utv-square.toml", variants, &[]), 1);
         let record = summary.control.unwrap();
         assert!(record.is_done && record.legs.len() == 8, "{variants:?}: {record:?}");
-        // The square that was asked for.
+        // The commanded square.
         let corners: Vec<[f64; 2]> = record.path.iter().map(|[_, end]| end.map(f64::round)).collect();
         assert_eq!(corners, [[10.0, 0.0], [10.0, 10.0], [0.0, 10.0], [0.0, 0.0]]);
         let used = |name: &str| summary.sensors.iter().any(|s| s.name == name && s.accepted > 100);
         assert_eq!(used("compass"), variants.contains(&"tcm"), "{variants:?}");
         assert_eq!(used("usbl"), variants.iter().any(|v| *v != "tcm"), "{variants:?}");
         let last = record.legs[7].heading.unwrap();
-        // The last of the headings that the paper plots, 0 to 270°. As printed the heading is known to 1°, and with the
-        // compass to its deviation of 0.5°.
+        // The last of the headings that the paper plots, 0 to 270°. With the printed tuning the 1σ of the heading is
+        // 1°, and with the compass the error is its deviation of 0.5°.
         assert_eq!(last.wanted.to_degrees().round().rem_euclid(360.0), 270.0);
         assert!(last.errors.last.to_degrees().abs() < 3.0, "{variants:?}: {last:?}");
     }
 }
 
-/// A vehicle whose constraint of motion holds 1.5 m behind the unit and 0.3 m below it.
+/// A vehicle whose motion constraint applies 1.5 m behind the unit and 0.3 m below it.
 const BEHIND: [&str; 2] = ["sensor.sideways.lever_arm=[-1.5, 0, 0.3]", "sensor.tracks.lever_arm=[-1.5, 0, 0.3]"];
 
 #[test]
@@ -277,7 +277,8 @@ fn a_constraint_of_motion_elsewhere_than_the_unit_asks_where_the_unit_is() {
     let design = built(&[BEHIND[0], BEHIND[1], place]).unwrap();
     for seed in 1..=2 {
         let summary = summary(&design, seed);
-        // At 0.4 rad/s the unit slides by 0.6 m/s, 30 times the noise: a constraint at the wrong point has a NIS of hundreds.
+        // At 0.4 rad/s the unit slides by 0.6 m/s, 30 times the noise: a constraint at the wrong point has a NIS of
+        // hundreds.
         let sideways = summary.sensors.iter().find(|s| s.name == "sideways").unwrap();
         assert!(sideways.accepted > 300 && sideways.nis.unwrap().mean < 2.0, "{:?}", sideways.nis);
         check_square(summary.control.as_ref().unwrap());

@@ -1,4 +1,4 @@
-//! `fusion stress` on a short simulated design, on recorded fixes, and its mistakes.
+//! `fusion stress` on a short simulated design and on recorded fixes, and its error messages.
 
 use crate::support::{Workspace, narrow, shows, squeezed, stderr, stdout};
 use predicates::str::contains;
@@ -97,12 +97,12 @@ fn every_fault_that_fits_is_applied_to_every_stream_the_same_on_any_number_of_th
     let pairs = all.iter().filter(|r| r["fault"].contains(" + ")).count();
     assert_eq!((on("none").len(), pairs), (1, 2));
     let row = |fault: &str, on: &str| all.iter().find(|r| r["fault"] == fault && r["on"] == on).unwrap();
-    // 30 and 10 times the declared σ of all three axes, or up to twice that where the innovations are
-    // larger; with a direction of unit length.
+    // 30 and 10 times the declared σ of all three axes, or up to twice that if the innovations are larger; with a
+    // direction of unit length.
     let size = |fault: &str, on: &str| row(fault, on)["size"].split(' ').next().unwrap().parse::<f64>().unwrap();
     assert!((60.0..120.0).contains(&size("spike", "fix")), "{:?}", row("spike", "fix"));
     assert!((2.0..4.0).contains(&size("step", "speed")), "{:?}", row("step", "speed"));
-    // A duplicate and a short gap are nothing to a filter that predicts; a sensor lost for good is said.
+    // A duplicate and a short gap have no effect on a filter that predicts. A permanently lost sensor is reported.
     assert_eq!(
         (
             row("duplicate", "fix")["survived"].as_str(),
@@ -121,14 +121,14 @@ fn a_filter_that_is_wrong_and_says_so_passes_and_one_that_is_silent_fails() {
         w.fusion(&[&args, more].concat())
     };
     let row = |ran: &assert_cmd::assert::Assert| squeezed(&stdout(ran)).into_iter().find(|l| l.starts_with("sign speed")).unwrap();
-    // Ten seconds of velocity backwards: the fixes contradict it.
+    // Ten seconds of reversed velocity: the fixes contradict it.
     let silent = stress("mute", &[]).code(3);
     assert!(
         row(&silent).contains(" FAILED ") && row(&silent).ends_with(" s"),
         "{}",
         row(&silent)
     );
-    // Once.
+    // The message appears once.
     assert_eq!(stderr(&silent).matches("1 of 1 cases failed").count(), 1, "{}", stderr(&silent));
     let honest = stress("base", &[]).success();
     assert!(
@@ -137,7 +137,7 @@ fn a_filter_that_is_wrong_and_says_so_passes_and_one_that_is_silent_fails() {
         row(&honest)
     );
     assert_eq!(stderr(&honest), "");
-    // What is declared is told, and no failure; so is that it is no longer so.
+    // A declared case is reported and does not fail. A declared case that no longer fails is reported too.
     let known = ["--set", "stress.fault.sign.known=['speed']"];
     let declared = stress("mute", &known).success();
     assert!(row(&declared).ends_with(" known"), "{}", row(&declared));
@@ -229,7 +229,7 @@ fn without_a_reference_the_undisturbed_run_is_one() {
             .unwrap_or_else(|| panic!("{text:?}"))
             .clone()
     };
-    // The undisturbed run is exactly as wrong as itself; a refused spike costs one fix.
+    // The undisturbed run differs from itself by zero. A rejected spike costs one fix.
     assert!(row("none").starts_with("none 0.0 0.0"), "{}", row("none"));
     assert!(
         row("spike gnss.position").starts_with("spike gnss.position yes"),
@@ -260,7 +260,7 @@ fn a_stream_that_has_ended_is_not_disturbed() {
     assert!(all.iter().all(|r| !r["on"].contains("speed")) && all.iter().any(|r| r["on"] == "fix"));
 }
 
-/// Cases drawn of the boat, as rows of draw.csv; `DRAW` fits its hundred seconds.
+/// Drawn cases of the boat, as rows of draw.csv. `DRAW` fits its hundred seconds.
 const DRAW: &str = "stress.draw={ longest = '10 s', left = '30 s', recovered = 0, false_good = 1 }";
 
 fn drawn(w: &Workspace, more: &[&str], out: &str) -> Vec<std::collections::HashMap<String, String>> {
@@ -279,20 +279,20 @@ fn a_drawn_case_is_a_function_of_the_seed_and_of_its_number() {
     let other = drawn(&w, &["--draw", "4", "--seed", "2"], "other");
     let sets = |rows: &[std::collections::HashMap<String, String>]| -> Vec<String> { rows.iter().map(|r| r["set"].clone()).collect() };
     assert!(sets(&other).iter().zip(sets(&four)).all(|(a, b)| *a != b));
-    // No case is another one's.
+    // All cases are different.
     let distinct: std::collections::BTreeSet<String> = sets(&nine).into_iter().collect();
     assert_eq!(distinct.len(), 9);
     for row in &nine {
         let number = |key: &str| row[key].parse::<f64>().unwrap();
         let faults = row["set"].lines().count();
         assert!((1..=3).contains(&faults) && row["fault"].split(" + ").count() == faults, "{row:?}");
-        // It starts at the first fix, settles for 20 s; of 147 s 30 are left.
+        // It starts at the first fix and settles for 20 s. Of 147 s, 30 s remain.
         assert!(
             number("from_s") >= 20.0 && number("to_s") <= 117.0 && number("to_s") - number("from_s") <= 20.0,
             "{row:?}"
         );
     }
-    // It is repeated by `run` too.
+    // `run` repeats the case too.
     let sets: Vec<&str> = nine[0]["set"].lines().flat_map(|set| ["--set", set]).collect();
     w.fusion(&[&["run", "boat.toml"], sets.as_slice()].concat()).success();
 }
@@ -301,7 +301,7 @@ fn a_drawn_case_is_a_function_of_the_seed_and_of_its_number() {
 fn drawn_cases_are_counted_and_too_few_that_recover_are_a_failure() {
     let w = boat("stress-counts");
     let draw = |more: &[&str]| w.fusion(&[&["stress", "boat.toml", "--set", DRAW, "--draw", "12", "--only", "step,ramp"], more].concat());
-    // A step of velocity that no health tells of.
+    // A step of velocity that the health does not report.
     let mute = draw(&["--variant", "mute", "--set", "stress.draw.false_good=0", "--out", "out"]).code(3);
     let told = stderr(&mute);
     assert!(told.contains("were false goods, at most 0.0 % are allowed"), "{told}");

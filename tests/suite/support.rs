@@ -2,7 +2,7 @@ use assert_cmd::assert::Assert;
 use predicates::prelude::{Predicate, predicate};
 use std::path::{Path, PathBuf};
 
-/// A folder of its own for a test, removed at its end.
+/// A separate folder for a test, removed at its end.
 pub struct Workspace {
     dir: PathBuf,
 }
@@ -31,7 +31,7 @@ impl Workspace {
         std::fs::read_to_string(self.path(file)).unwrap()
     }
 
-    /// Runs the command here, its outputs captured: no terminal.
+    /// Runs the command here with captured output: no terminal.
     pub fn fusion(&self, args: &[&str]) -> Assert {
         assert_cmd::cargo::cargo_bin_cmd!("fusion")
             .args(args)
@@ -40,12 +40,12 @@ impl Workspace {
     }
 }
 
-/// What the command printed.
+/// The standard output of the command.
 pub fn stdout(ran: &Assert) -> String {
     String::from_utf8(ran.get_output().stdout.clone()).unwrap()
 }
 
-/// What the command complained of.
+/// The standard error of the command.
 pub fn stderr(ran: &Assert) -> String {
     String::from_utf8(ran.get_output().stderr.clone()).unwrap()
 }
@@ -55,7 +55,7 @@ pub fn squeezed(text: &str) -> Vec<String> {
     text.lines().map(|l| l.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
 }
 
-/// A text of which a line contains `part`, when blanks are squeezed.
+/// Matches a text if one of its lines contains `part`, with blanks squeezed.
 pub fn has(part: &'static str) -> impl Predicate<str> {
     predicate::function(move |text: &str| squeezed(text).iter().any(|line| line.contains(part))).fn_name(part)
 }
@@ -135,7 +135,7 @@ pub fn fixes() -> String {
     text
 }
 
-/// Compares with tests/snapshots/NAME.snap. Which blocks there are is left out: a new one changes no snapshot.
+/// Compares with tests/snapshots/NAME.snap. The list of blocks is left out: a new block changes no snapshot.
 pub fn snapshot(name: &str, text: &str) {
     let mut settings = insta::Settings::new();
     settings.set_snapshot_path(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/snapshots"));

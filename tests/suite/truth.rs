@@ -1,11 +1,11 @@
-//! What is truly other than the filter believes: `truth` of simulated sensors, and the water that there is.
+//! True values that differ from those of the filter: `truth` of simulated sensors, and the simulated water.
 
 use crate::support::{Workspace, stderr};
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::{FinalState, Options, run};
 
-/// A car on a lawn-mower's way, whose fixes are exact but for a lever arm; a declared noise of 5 cm.
+/// A car on a lawn-mower path. Its fixes are exact except for a lever arm; the declared noise is 5 cm.
 const DRIVE: &str = r#"
 [run]
 origin = { latitude = "47 deg", longitude = "8 deg", height = "400 m" }
@@ -61,13 +61,13 @@ fn ran(text: &str, sets: &[&str]) -> (f64, Vec<FinalState>) {
 
 #[test]
 fn a_filter_that_is_wrong_about_a_lever_arm_is_off_by_it() {
-    // Right, be it 0 or not.
+    // The right lever arm, 0 or not.
     let right = ran(DRIVE, &[]).0;
     assert!(right < 0.1, "{right}");
     let both = ran(DRIVE, &["sensor.gnss.lever_arm=[\"1.5 m\", \"-0.8 m\", \"-1 m\"]"]).0;
     assert!(both < 0.1, "{both}");
-    // Wrong by 1.7 m horizontally, as far as the antenna takes the body with it; in turns its swing, which the filter takes
-    // for that of the body, also turns the velocity: up to a fifth more.
+    // A horizontal error of 1.7 m, the offset of the antenna. In turns the antenna swings. The filter attributes this
+    // to the body, which also turns the velocity: up to a fifth more.
     let wrong = ran(DRIVE, &[TRULY]).0;
     assert!((1.5..2.05).contains(&wrong), "{wrong}");
 }
@@ -79,11 +79,11 @@ fn an_estimated_parameter_finds_what_is_said_to_be_true_and_is_not_drawn() {
         assert!(rms < 0.15, "{rms}");
         let arm = estimated.iter().find(|e| e.name == "gnss.lever_arm").unwrap();
         for (i, truth) in [1.5, -0.8, -1.0].into_iter().enumerate() {
-            // Within 4σ of what is true: one in 16,000 is not. A draw of 2 m would be far off.
+            // Within 4σ of the true value, except one in 16,000. A draw of 2 m would be far off.
             let off = (arm.value[i] - truth).abs();
             assert!(off < 4.0 * arm.sigma[i], "{i}: {off} of {}", arm.sigma[i]);
         }
-        // Forward and right show in turns.
+        // Forward and right become observable in turns.
         assert!(arm.sigma[0] < 0.1 && arm.sigma[1] < 0.1, "{:?}", arm.sigma);
     }
 }
@@ -96,7 +96,7 @@ fn a_latency_that_the_filter_does_not_know_is_half_a_metre_at_five_metres_per_se
     assert!(known < 0.1, "{known}");
 }
 
-/// A log through water that the filter takes for still, and no fix: it is carried away with the water.
+/// A log through water that the filter assumes to be still, without fixes: the error grows with the current.
 const DRIFT: &str = r#"
 [sensor.log]
 type = "body_velocity"
@@ -115,12 +115,12 @@ fn water_that_the_filter_takes_for_still_carries_the_boat_all_the_same() {
     let still = ran(&text, &blind).0;
     let sea = [blind[0], "simulation.sea={ current = [\"0.3 m/s\", 0, 0] }"];
     let carried = ran(&text, &sea).0;
-    // 0.3 m/s over T = 85 s: an RMS of 0.3·T/√3 = 14.7 m; still water: what 2 cm/s of white noise make.
+    // 0.3 m/s over T = 85 s: an RMS of 0.3·T/√3 = 14.7 m. Still water: the effect of 2 cm/s of white noise.
     assert!(still < 1.0 && (12.0..16.5).contains(&carried), "{still} {carried}");
-    // Without the word `current` it is a log over ground.
+    // Without the key `current` it is a log over ground.
     let ground = ran(&text.replace("current = [0, 0, 0]\n", ""), &sea).0;
     assert!(ground < 1.0, "{ground}");
-    // Turning within the run: the mean counts.
+    // The current turns within the run: its mean counts.
     let turning = [
         blind[0],
         "simulation.sea={ current = [\"0.3 m/s\", 0, 0], tide = [{ at = \"85 s\", current = [\"-0.3 m/s\", 0, 0] }] }",
@@ -128,11 +128,11 @@ fn water_that_the_filter_takes_for_still_carries_the_boat_all_the_same() {
     let returned = ran(&text, &turning).0;
     // 0.3·(t − t²/T): at most 6.4 m, in the middle; RMS 6.4·√(8/15) = 4.7 m.
     assert!((3.7..5.5).contains(&returned), "{returned}");
-    // The tide is true for a filter that estimates it, too.
+    // The tide is also true for a filter that estimates it.
     let learns = "sensor.log.current={ estimate = true, initial = [0, 0, 0], sigma = [\"0.5 m/s\", \"0.5 m/s\", 0], random_walk = \"2 cm/s/sqrt(s)\" }";
     let (rms, estimated) = ran(&text, &[turning[1], learns]);
     let water = estimated.iter().find(|e| e.name == "log.current").unwrap();
-    // By 4σ, as above; the random walk lets σ stay at some centimetres per second.
+    // Within 4σ, as above. The random walk keeps σ at some centimetres per second.
     assert!(
         (water.value[0] + 0.3).abs() < 4.0 * water.sigma[0] && water.sigma[0] < 0.1,
         "{:?} ± {:?}",
@@ -152,13 +152,13 @@ fn a_declination_that_was_left_out_turns_the_heading_by_it() {
         summary["score"]["heading_rmse_deg"].as_f64().unwrap()
     };
     let right = heading(&[]);
-    // The Earth's field is told by a parameter that may be left out: `truth` knows it all the same. A boat with a receiver of
-    // velocity hears little of its heading from elsewhere.
+    // A parameter that may be left out gives the Earth's field: `truth` accepts it all the same. A boat with a velocity
+    // receiver has little other information about its heading.
     let wrong = heading(&["--set", "simulation.sensor.magnetometer.truth.declination=11.5 deg"]);
     assert!(right < 1.5 && wrong > right + 2.0 && wrong < 9.0, "{right}° {wrong}°");
 }
 
-/// A figure that is no parameter, and one in a table of its own.
+/// A value that is not a parameter, and a value in its own table.
 #[test]
 fn a_compass_has_a_declination_and_a_deviation_that_the_filter_does_not_know() {
     let compass = DRIVE.replace(
@@ -173,7 +173,8 @@ fn a_compass_has_a_declination_and_a_deviation_that_the_filter_does_not_know() {
         let summary = run(&design(&compass, truth), &Options::default(), &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
         summary.score.unwrap().heading_rmse_deg.unwrap()
     };
-    // Fixes to 5 cm and gyros know the heading to some tenths of a degree; the compass, 5 Hz with 0.5°, is believed all the same.
+    // Fixes of 5 cm and gyros determine the heading to some tenths of a degree. The compass, 5 Hz with 0.5°, is used
+    // all the same.
     let right = heading(&[]);
     let declined = heading(&["simulation.sensor.compass.truth.declination=8 deg"]);
     let deviates = heading(&["simulation.sensor.compass.truth.deviation.sin=8 deg"]);
@@ -215,9 +216,9 @@ fn whoever_changes_the_instrument_with_the_belief_is_told() {
     assert!(said(&["run", "drive.toml", "--set", "sensor.gnss.lever_arm=[1, 0, 0]"]).contains(TOLD));
     let truth = ["--set", "simulation.sensor.gnss.truth.lever_arm=[0, 0, 0]"];
     assert!(!said(&[&["run", "drive.toml", "--variant", "arm"], &truth[..]].concat()).contains(TOLD));
-    // Estimated it is no belief that could be wrong.
+    // An estimated parameter cannot be a wrong declaration.
     assert!(!said(&["run", "drive.toml", "--set", ESTIMATED]).contains(TOLD));
-    // Nor is a table of which something is estimated.
+    // The same holds for a table with an estimated part.
     let compass = "[sensor.compass]\ntype = \"heading\"\nsource = \"compass\"\nnoise = { sigma = \"0.5 deg\" }\n[initial.start]";
     let simulated = "[simulation.sensor.compass]\nrate = \"5 Hz\"\nwhite = \"0.5 deg\"\n[variant.arm";
     w.write(

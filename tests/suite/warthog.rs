@@ -1,7 +1,7 @@
-//! Track odometry of a skidding robot, its parameters found by the filter and judged on data that it has not seen.
+//! Track odometry of a skidding robot: the filter estimates its parameters, and other data judge them.
 //!
-//! The data are those of `real.rs`; without them these tests say so and pass. What is printed beside the bounds
-//! stands in `recorded-logs.md` of the book.
+//! The data are those of `real.rs`. Without the data these tests say so and pass. The figures printed with the bounds
+//! are in `recorded-logs.md` of the book.
 
 use super::real::{real, real_design};
 use fusion::core::geometry::so3;
@@ -12,16 +12,16 @@ use fusion::run::Run;
 
 /// Commands of the log, each recorded in three windows.
 const COMMANDS: usize = 120;
-/// Parts of the log of which one is judged and the others are learnt from.
+/// Parts of the log. One part is judged, the others are for learning.
 const FOLDS: usize = 5;
-/// Stamps of two windows are so far apart \[s\]; the last row of a window comes after `LAST`.
+/// Interval between the stamps of two windows \[s\]. The last row of a window comes after `LAST`.
 const SPACING: f64 = 10.0;
 const LAST: f64 = 1.94;
 
-/// Errors at the ends of the windows. Turns are counted: half a turn and half a turn the other way are a turn apart.
+/// Errors at the ends of the windows. Whole turns count: half a turn and half a turn the other way differ by one turn.
 #[derive(Default)]
 struct Ends {
-    /// The window, and the heading so far, of the estimate and of the reference \[rad\].
+    /// The window, and the accumulated heading of the estimate and of the reference \[rad\].
     window: f64,
     turned: [f64; 2],
     /// Sums of squares \[m²\], \[rad²\].
@@ -55,7 +55,7 @@ impl RunObserver for Ends {
 }
 
 impl Ends {
-    /// Adds those of a run.
+    /// Adds the errors of a run.
     fn add(&mut self, variants: &[&str], sets: &[String]) -> Option<()> {
         let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
         let (design, options) = real_design("warthog", variants, &sets)?;
@@ -71,7 +71,7 @@ impl Ends {
     }
 }
 
-/// The rows of the commands that are, or are not, part `fold`, of source `name`.
+/// The rows of source `name` whose commands are, or are not, in part `fold`.
 fn part(name: &str, fold: usize, is_in: bool) -> String {
     let commands: Vec<String> = (0..COMMANDS)
         .filter(|c| (c % FOLDS == fold) == is_in)
@@ -83,21 +83,21 @@ fn part(name: &str, fold: usize, is_in: bool) -> String {
     )
 }
 
-/// What the filter learns on all parts but `fold`, as the design declares it.
+/// The parameters that the filter learns on all parts except `fold`, in the form of the design.
 fn learnt(fold: usize, further: &[&str]) -> Option<Vec<String>> {
     let summary = real("warthog", &["learn"], &[&[part("pose", fold, false).as_str()], further].concat())?;
-    // What is held is no parameter of the run: it is held at 0 here.
+    // A fixed value is not a parameter of the run: here it is fixed at 0.
     let value = |name: &str| summary.parameters.iter().find(|p| p.name == name).map_or(0.0, |p| p.value[0]);
     Some(vec![
         format!("process.side_slip={}", value("side_slip")),
         format!("sensor.tracks.gauge={}", value("tracks.gauge")),
         format!("sensor.tracks.slip={}", value("tracks.slip")),
-        // Poses that are late are tracks that are early.
+        // Late poses are equivalent to early tracks.
         format!("sensor.tracks.time_offset={}", -value("position.time_offset")),
     ])
 }
 
-/// Errors on each part by what was learnt on the others, `further` said of the learning.
+/// Errors on each part with parameters learnt on the others. `further` applies to the learning.
 fn cross_validated(further: &[&str]) -> Option<[f64; 2]> {
     let mut ends = Ends::default();
     for fold in 0..FOLDS {
@@ -119,7 +119,7 @@ fn tracks_tell_where_a_skidding_robot_is_by_what_the_filter_learnt_of_them() {
     }
     let [metres, degrees] = configured.rms();
     eprintln!("configured geometry: {metres:.2} m, {degrees:.0}°");
-    // Of the published geometry an integration by hand makes 1.92 m and 107.7°; half a sample more or less is 1 %.
+    // With the published geometry an integration by hand gives 1.92 m and 107.7°. Half a sample more or less is 1 %.
     assert!((metres - 1.91).abs() < 0.02 && (degrees - 108.0).abs() < 1.0, "{metres} {degrees}");
     let mut fixed = Ends::default();
     fixed.add(&[], &all).unwrap();
@@ -129,7 +129,7 @@ fn tracks_tell_where_a_skidding_robot_is_by_what_the_filter_learnt_of_them() {
     let [metres, degrees] = cross_validated(&[]).unwrap();
     eprintln!("learnt by the filter, on parts that it has not seen: {metres:.2} m, {degrees:.1}°");
     assert!(metres < 0.80 && degrees < 10.5, "{metres} {degrees}");
-    // It does not matter where the delay begins.
+    // The initial value of the delay does not matter.
     for start in ["0.05", "0.2"] {
         let [metres, degrees] = cross_validated(&[&format!("sensor.position.time_offset.initial={start}")]).unwrap();
         assert!(metres < 0.80 && degrees < 10.5, "from {start} s: {metres} {degrees}");
@@ -139,7 +139,7 @@ fn tracks_tell_where_a_skidding_robot_is_by_what_the_filter_learnt_of_them() {
 #[test]
 fn each_of_what_is_learnt_of_the_tracks_is_worth_its_place() {
     let Some(all) = cross_validated(&[]) else { return };
-    // Measured 0.98 m without side slip and 0.83 m without a delay, in place of 0.78 m: more than half of the lesser
+    // Measured 0.98 m without side slip and 0.83 m without a delay, compared with 0.78 m: more than half of the smaller
     // loss.
     let side_slip = &["process.side_slip=0"][..];
     let delay = &["sensor.position.time_offset=0", "sensor.heading.time_offset=0"];

@@ -1,7 +1,7 @@
 //! Recorded logs under water, scored on positions that the filter does not see or has not seen yet.
 //!
-//! The data are those of `real.rs`; without them these tests say so and pass. What is printed beside the bounds
-//! stands in `recorded-logs.md` of the book.
+//! The data are those of `real.rs`. Without the data these tests say so and pass. The figures printed with the bounds
+//! are in `recorded-logs.md` of the book.
 
 use super::real::real_design;
 use core::f64::consts::PI;
@@ -51,7 +51,7 @@ fn quantiles(mut of: Vec<f64>, shares: [f64; 2]) -> [f64; 2] {
 
 #[test]
 fn a_vehicle_that_dives_comes_up_where_its_doppler_log_says() {
-    // Nobody tells the heading: the run may begin with any.
+    // The heading is unknown: the run may begin with any heading.
     for heading in [0, 90, 180, 270] {
         let start = format!("initial.start.heading=\"{heading} deg\"");
         let of = |variants: &[&str]| Withheld::of("blueye", variants, &[&start]);
@@ -69,7 +69,7 @@ fn a_vehicle_that_dives_comes_up_where_its_doppler_log_says() {
 
 /// The error of a dive at resurfacing \[m\].
 fn surfaced(dive: &Withheld) -> f64 {
-    // The error at resurfacing: the mean of the 3rd to the 12th fix, which halves what two of them scatter by.
+    // The error at resurfacing: the mean of the 3rd to the 12th fix, which halves the scatter of two fixes.
     let surfaced: Vec<_> = dive
         .0
         .iter()
@@ -95,7 +95,7 @@ fn beam_by_beam_a_dive_ends_where_it_does_by_their_velocity() {
         let found = Withheld::of("blueye", &[variant, "beams"], &[]).unwrap().figures();
         eprintln!("{variant}, beam by beam: median {:.2} m, p95 {:.2} m", found[0], found[1]);
     }
-    // Ten of the 1126 measurements of the dive are without an echo of one to three beams: the others are used.
+    // Ten of the 1126 measurements of the dive have one to three beams without an echo: the other beams are used.
     let summary = super::real::real("blueye", &["beams"], &[]).unwrap();
     let used: Vec<u64> = [1, 2, 3, 4]
         .map(|beam| summary.sensors.iter().find(|s| s.name == format!("dvl.beam_{beam}")).unwrap())
@@ -118,25 +118,25 @@ fn a_position_a_minute_is_enough_for_a_doppler_log_that_sticks() {
     }
 }
 
-/// What became of the fixes of the log LOG: by the labels of an offline search the diver's own, or another's.
+/// The fate of the fixes of the log LOG. The labels of an offline search say whether a fix is the diver's or another's.
 #[derive(Debug, Default)]
 struct Fixes {
     labels: Vec<Label>,
-    /// Length of the innovation of his own fixes, before they are used \[m\].
+    /// Length of the innovation of the diver's fixes, before their update \[m\].
     own: Vec<f64>,
-    /// Of those, how many were rejected, and how many lie more than 10 m from the estimate afterwards.
+    /// The number of the diver's fixes that were rejected, and that are more than 10 m from the estimate afterwards.
     rejected: usize,
     far: usize,
-    /// The longest run of own fixes rejected \[s\], and since when one lasts.
+    /// The longest series of rejected fixes of the diver \[s\], and the start of the current series.
     longest: f64,
     since: Option<f64>,
-    /// Fixes of another that were used.
+    /// Fixes of another diver that were used.
     captured: usize,
-    /// The label of the latest fix that was told.
+    /// The label of the latest reported fix.
     latest: usize,
 }
 
-/// A fix, and whether it is the diver's own.
+/// A fix, and whether it belongs to the diver.
 #[derive(Debug)]
 struct Label {
     time: f64,
@@ -145,7 +145,7 @@ struct Label {
     own: bool,
 }
 
-/// Of the design's origin.
+/// The origin of the design.
 const ORIGIN: Geodetic = Geodetic {
     lat: PI / 4.0,
     lon: PI / 18.0,
@@ -172,7 +172,7 @@ impl RunObserver for Fixes {
 impl Fixes {
     fn updated(&mut self, t: f64, update: &Update<'_>) {
         let used = matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired);
-        // Stamps have 10 ms, labels the same stamps.
+        // Stamps have a resolution of 10 ms, and labels have the same stamps.
         let Some(label) = self.labels.iter().position(|label| (label.time - t).abs() < 0.005) else {
             return;
         };
@@ -180,7 +180,7 @@ impl Fixes {
         if self.labels[label].own {
             self.own.push(update.residual[0].hypot(update.residual[1]));
             self.rejected += usize::from(!used);
-            // From the first of a run of them to the last.
+            // From the first fix of a series to the last.
             self.since = (!used).then(|| self.since.unwrap_or(t));
             self.longest = self.longest.max(t - self.since.unwrap_or(t));
         } else {
@@ -219,7 +219,7 @@ impl Fixes {
         Some(fixes)
     }
 
-    /// Median and 90th percentile of his own fixes before they are used, the share rejected.
+    /// Median and 90th percentile of the diver's fixes before their update, and the rejected share.
     fn figures(&self) -> ([f64; 2], f64) {
         (
             quantiles(self.own.clone(), [0.5, 0.9]),
@@ -240,7 +240,7 @@ impl Fixes {
     }
 }
 
-/// The log of the first dive, whose false fixes come one by one.
+/// The log of the first dive, with single false fixes.
 fn first_dive(variants: &[&str]) -> Option<Fixes> {
     Fixes::of("LC14", 1_586_422_808.43, variants, &[])
 }
@@ -264,7 +264,7 @@ fn fixes_of_a_diver_are_foreseen_and_those_of_another_one_are_not_used() {
     }
 }
 
-/// What stands beside the gate in `recorded-logs.md`, and the filter that the vehicle itself had.
+/// The filters that `recorded-logs.md` compares with the gate, and the filter that the vehicle itself had.
 #[test]
 fn whatever_uses_every_fix_follows_the_other_diver() {
     for variant in ["hold", "no-gate", "student-t", "on-board"] {
@@ -272,12 +272,12 @@ fn whatever_uses_every_fix_follows_the_other_diver() {
         first.print(&format!("first {variant}"));
         let second = second_dive(&[variant], &[]).unwrap();
         second.print(&format!("second {variant}"));
-        // All of 99 but the first, which may start the filter.
+        // All of the 99 except the first, which may start the filter.
         assert!(second.captured > 90, "{variant}: {}", second.captured);
         let ([_, p90], _) = second.figures();
         assert!(p90 > 3.0, "{variant}: {p90}");
         if variant == "on-board" {
-            // As counted in the log itself: 20 % of the own fixes.
+            // As counted in the log itself: 20 % of the diver's fixes.
             let share = second.far as f64 / second.own.len() as f64;
             assert!((share - 0.20).abs() < 0.02, "{share}");
         }
@@ -290,7 +290,7 @@ fn whichever_heading_the_reference_is_off_by_is_found() {
         let start = format!("process.heading_offset.initial=\"{heading} deg\"");
         let Some(found) = second_dive(&[], &[&start]) else { return };
         let ([median, p90], _) = found.figures();
-        // A few centimetres of what another first minute leaves.
+        // A few centimetres, the remaining effect of a different first minute.
         assert!(
             median < 0.68 && p90 < 2.6 && found.captured == 0,
             "{heading}: {median} {p90} {}",
@@ -299,8 +299,8 @@ fn whichever_heading_the_reference_is_off_by_is_found() {
     }
 }
 
-/// The runs of 80, each with noises and times of its own and a fifth of the fixes lost, in which more than two
-/// false fixes were used.
+/// The seeds, among 80 runs, in which more than two false fixes were used. Each run has its own noises and times, and a
+/// fifth of the fixes lost.
 fn captured(variants: &[&str]) -> Option<Vec<(u64, usize)>> {
     let mut captured = Vec::new();
     for seed in 0..80_u64 {
@@ -335,7 +335,7 @@ fn captured(variants: &[&str]) -> Option<Vec<(u64, usize)>> {
 #[test]
 fn another_diver_captures_the_gate_seldom_and_the_bank_never_whatever_the_tuning() {
     let Some(gate) = captured(&[]) else { return };
-    // At a rate of 5 % 7 or fewer of 80 draws come with a probability of 96 %.
+    // At a rate of 5 %, 7 or fewer of 80 draws have a probability of 96 %.
     assert!(gate.len() <= 7, "{gate:?}");
     assert_eq!(captured(&["bank"]).unwrap(), []);
 }
@@ -358,7 +358,7 @@ fn a_vehicle_is_measured_from_a_ship_and_from_a_buoy() {
     for (name, dof) in [("ship", 6.0), ("buoy", 6.0), ("usbl_under_ship", 3.0), ("usbl_under_buoy", 3.0)] {
         let sensor = summary.sensors.iter().find(|s| s.name == name).unwrap();
         let nis = sensor.nis.unwrap().mean / dof;
-        // A pose taken from the other one would be 70 m off. The poses are walks that follow every row.
+        // A pose taken from the other transceiver would be 70 m off. The poses are walks that follow every row.
         let least = if name.starts_with("usbl") { 0.7 } else { 0.0 };
         assert!(sensor.accepted > 100 && (least..1.3).contains(&nis), "{name}: {nis}");
     }

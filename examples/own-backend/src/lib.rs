@@ -1,8 +1,8 @@
-//! A backend of one's own: a second way to store P and a second way to use a measurement, written
+//! A custom backend: a second way to store P and a second way to use a measurement, written
 //! outside fusion-core against its public traits.
 //!
-//! Both are plain rather than fast. `tests/laws.rs` holds them to the laws of every form and rule,
-//! and lets them run a strapdown filter beside the built-in ones.
+//! Both are plain rather than fast. `tests/laws.rs` checks them against the laws of every form and rule,
+//! and compares them with the built-in ones in a strapdown filter.
 
 mod packed;
 mod twice;

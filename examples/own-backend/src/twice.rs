@@ -20,7 +20,7 @@ impl UpdateRule for Twice {
         if !work.correct() {
             return false;
         }
-        // What is reported is the innovation of the prediction.
+        // The report contains the innovation of the prediction.
         let (predicted, residual) = (work.predicted.clone(), work.residual.clone());
         let (first, mut x) = (work.correction.clone(), problem.x.to_vec());
         problem.layout.plus(&mut x, &first);

@@ -1,7 +1,7 @@
-//! Blocks of a project's own, in a crate of its own.
+//! A project's own blocks, in a separate crate.
 //!
-//! A block registers itself where it is written. A program that uses this crate calls [`link`], and
-//! the blocks are there beside those of the framework: in designs, in messages and in the laws.
+//! A block registers itself where it is written. A program that uses this crate calls [`link`]. The blocks are
+//! then available like those of the framework: in designs, in messages and in the laws.
 
 pub mod range_rate;
 

@@ -1,4 +1,4 @@
-//! The whole command over a block of this crate: what a program of five lines gets.
+//! The whole command with a block of this crate: a program of five lines gets all of it.
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
@@ -7,7 +7,7 @@ use std::process::Command;
 
 const DESIGN: &str = "design.toml";
 
-/// What the command prints, which has to succeed; a campaign of faults may judge the design and exit with 3.
+/// The output of the command, which has to succeed; a campaign of faults may judge the design and exit with 3.
 fn fusion(args: &[&str]) -> String {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let ran = Command::new(env!("CARGO_BIN_EXE_own-blocks"))

@@ -1,4 +1,4 @@
-//! What the documents quote is what is compiled and run; what they list is what there is.
+//! The documents quote the code and output that exist, and list the blocks that are registered.
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
@@ -29,7 +29,7 @@ fn the_quoted_block_is_as_short_as_contributing_says() {
     assert!(include_str!("../src/range_rate.rs").lines().filter(code).count() <= 40);
 }
 
-/// The lines of a design without what is empty.
+/// The lines of a design, without empty lines.
 fn lines(design: &str) -> impl Iterator<Item = &str> {
     design.lines().filter(|line| !line.trim().is_empty())
 }

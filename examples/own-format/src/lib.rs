@@ -1,7 +1,7 @@
-//! A log format of a project's own: JSON lines, an object in each, as loggers of robots write them.
+//! A project's own log format: JSON lines, an object in each, as loggers of robots write them.
 //!
-//! The format says where the cells of a row are. What they mean (stamps, calendars, units, `valid`, gzip, bad rows) is
-//! declared and decoded as for every format. Its columns are called by their path: `angular_velocity.x`, `gyro[0]`.
+//! The format only finds the cells of a row. Their meaning (stamps, calendars, units, `valid`, gzip, bad rows) is
+//! declared and decoded as for every format. A column's name is its path: `angular_velocity.x`, `gyro[0]`.
 //!
 //! Memory   one line, of 16 MiB at most
 
@@ -26,7 +26,7 @@ fusion::format_spec! {
     pub struct JsonLinesSpec {
         /// The file, relative to the data directory; gzip is recognised by its content.
         path: PathBuf,
-        /// The clock: the column of the stamps and what they say.
+        /// The clock: the column of the stamps and their meaning.
         time: TimeSpec,
     }
 }
@@ -79,7 +79,7 @@ impl JsonLinesSpec {
     }
 }
 
-/// The lines of a file. The first object says which columns there are.
+/// The lines of a file. The first object defines the columns.
 struct Lines {
     file: String,
     text: BufReader<Box<dyn Read + Send>>,
@@ -113,7 +113,7 @@ impl Lines {
         Ok(lines)
     }
 
-    /// The object of the next line that is not empty; none after the last one.
+    /// The object of the next line that is not empty; `None` after the last line.
     fn object(&mut self) -> Result<Option<Value>, DataError> {
         let wrong = |line: usize, what: String| DataError::new(self.file.clone(), format!("line {line}: {what}"));
         let mut text = String::new();
@@ -146,7 +146,7 @@ impl Lines {
     }
 }
 
-/// Tells the numbers and texts of a value, each with its path.
+/// Passes the numbers and texts of a value to `tell`, each with its path.
 fn flattened(path: &str, value: Value, tell: &mut dyn FnMut(String, Value)) {
     match value {
         Value::Object(fields) => {

@@ -85,9 +85,9 @@ impl AttitudeChart for Navigation {
     }
 }
 
-/// The least cos(pitch) of the Euler chart: it ends 2.9° short of where roll and yaw become one
-/// rotation. Nearer to it a correction by 1° turns roll and yaw by more than 20°: the addition of
-/// angles is no longer that of small rotations, and P is carried to an attitude it is not of.
+/// The least cos(pitch) of the Euler chart: the chart ends 2.9° before roll and yaw become the same
+/// rotation. Nearer to that point, a correction by 1° turns roll and yaw by more than 20°. Adding
+/// angles no longer adds small rotations, and P would be moved to a wrong attitude.
 const EULER_EDGE: f64 = 0.05;
 
 impl AttitudeChart for AdditiveEuler {
@@ -107,7 +107,7 @@ impl AttitudeChart for AdditiveEuler {
 }
 
 impl AttitudeChart for AdditiveQuaternion {
-    // In the coordinates 2Ξᵀδq the map at one point is the identity; what the chart changes is
+    // In the coordinates 2Ξᵀδq the map at one point is the identity. The chart changes only
     // the retraction and the projection of the tangent at q̂ onto the tangent at q̂⁺.
     fn matrix(_: &UnitQuaternion<f64>) -> Option<Matrix3<f64>> {
         Some(Matrix3::identity())

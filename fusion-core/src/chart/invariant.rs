@@ -33,13 +33,13 @@ pub enum Side {
     Left,
 }
 
-/// What becomes of vectors in body axes, such as the biases of inertial sensors.
+/// How the chart treats vectors in body axes, such as the biases of inertial sensors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Biases {
-    /// Their errors stay beside the group: the imperfect extension.
+    /// Their errors stay outside the group: the imperfect extension.
     #[default]
     Imperfect,
-    /// They belong to it: the two-frames group.
+    /// They belong to the group: the two-frames group.
     TwoFrames,
 }
 
@@ -50,8 +50,8 @@ pub struct Invariant {
     pub side: Side,
     /// Whether biases belong to the group.
     pub biases: Biases,
-    /// From where a geodetic position counts; without it from where the filter starts. A Cartesian
-    /// position counts from its own origin. The left-invariant chart needs none.
+    /// The origin of a geodetic position in the group; if `None`, the place where the filter starts. A Cartesian
+    /// position has its own origin. The left-invariant chart needs no origin.
     pub origin: Option<Geodetic>,
 }
 
@@ -133,7 +133,7 @@ fn at(m: &mut BlockMatrix, row: &Block, column: &Block, value: &SMatrix<f64, 3, 
 }
 
 impl Invariant {
-    /// The right-invariant chart, biases beside the group.
+    /// The right-invariant chart, biases outside the group.
     #[must_use]
     pub const fn right() -> Self {
         Self {
@@ -143,7 +143,7 @@ impl Invariant {
         }
     }
 
-    /// The left-invariant chart, biases beside the group.
+    /// The left-invariant chart, biases outside the group.
     #[must_use]
     pub const fn left() -> Self {
         Self {
@@ -254,7 +254,7 @@ impl<'a> Correction<'a> {
         }
     }
 
-    /// The same of a vector in body axes, in the two-frames group.
+    /// Moves a vector in body axes, in the two-frames group.
     fn turn_vector(&self, block: &Block, value: &Vector3<f64>, delta: &[f64], by: &mut BlockMatrix) -> Vector3<f64> {
         let delta = Vector3::from_column_slice(&delta[block.tangent_range()]);
         let (c, full) = (&self.before, self.reset == Reset::Full);

@@ -1,4 +1,4 @@
-//! Charts: what the covariance is the covariance *of*.
+//! Charts: the error coordinates to which the covariance belongs.
 //!
 //! Every model gives its Jacobians in one canonical chart (body-frame right perturbation,
 //! position and velocity errors in NED). A chart is the linear map T(x) from its own error
@@ -29,16 +29,16 @@ use crate::state::Layout;
 use core::fmt::Debug;
 use std::sync::Arc;
 
-/// What becomes of P when the state moves by a correction. ξ is the correction in the chart's own
+/// How P changes when a correction moves the state. ξ is the correction in the chart's own
 /// coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reset {
     /// P in the chart's own coordinates stays as it is: P ← T(x⁺)T(x⁻)⁻¹ P (·)ᵀ, the usual filter.
     #[default]
     Plain,
-    /// The error at x⁺ is that of the same points: P ← T(x⁺)J(ξ)T(x⁻)⁻¹ P (·)ᵀ, J(ξ) the Jacobian of the
-    /// retraction, (x ⊞ ξ) ⊞ J(ξ)dξ = x ⊞ (ξ + dξ). Second order in ξ; with it the left- and the
-    /// right-invariant chart are one filter (arXiv 2506.01514).
+    /// The same points, expressed as errors at x⁺: P ← T(x⁺)J(ξ)T(x⁻)⁻¹ P (·)ᵀ. J(ξ) is the Jacobian of the
+    /// retraction, (x ⊞ ξ) ⊞ J(ξ)dξ = x ⊞ (ξ + dξ). The change is of second order in ξ. With it the left- and the
+    /// right-invariant chart give the same filter (arXiv 2506.01514).
     Full,
 }
 
@@ -225,7 +225,7 @@ mod tests {
 
     #[test]
     fn a_correction_that_leads_out_of_the_euler_chart_or_across_the_vertical_is_canonical() {
-        // To 88° of pitch, and to 100°, whose angles are those of 80° and half a turn of roll and yaw.
+        // To a pitch of 88°, and of 100°, which is written as 80° with half a turn of roll and yaw.
         for rise in [0.06, 0.27] {
             let layout = layout(so3::from_rpy(0.0, 85_f64.to_radians(), 0.0));
             let delta = [0.0, 0.0, 0.0, 0.0, rise, 0.0, 0.0];

@@ -129,7 +129,7 @@ fn cases() -> impl Iterator<Item = (FormKind, Kernel)> {
     kinds.into_iter().flat_map(|kind| Kernel::here().map(move |kernel| (kind, kernel)))
 }
 
-/// The worst of `ratios` = HPHᵀ/R for P of `n` states and so many rows.
+/// The largest error over all `ratios` = HPHᵀ/R, for P of `n` states and this number of rows.
 fn worst(kind: FormKind, kernel: Kernel, n: usize, h: &DMatrix<f64>, ratios: &[f64]) -> f64 {
     let p = prior(n, &mut Lcg::new((10 * n + h.nrows()) as u64));
     let hph = h * &p * h.transpose();
@@ -146,7 +146,7 @@ fn worst(kind: FormKind, kernel: Kernel, n: usize, h: &DMatrix<f64>, ratios: &[f
 
 #[test]
 fn a_measurement_loses_no_digits_to_the_variance_that_it_takes_away() {
-    // 1e-12: what Joseph's form by dense products has. Without the refinement it is 1e-16 of the ratio.
+    // 1e-12: the error of Joseph's form by dense products. Without the refinement it is 1e-16 of the ratio.
     let ratios = [1.0, 9.0, 11.0, 1e4, 1e6, 1e8, 1e12, 1e16];
     for (n, rows) in [(15, 3), (21, 3), (33, 2), (9, 1)] {
         for (kind, kernel) in cases() {

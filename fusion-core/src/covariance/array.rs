@@ -1,7 +1,7 @@
 //! The array that a factored form has to triangularise: the factor of Φ(P + Q_before)Φᵀ + Q_after,
 //! column beside column.
 //!
-//! With P = F W Fᵀ (W diagonal) and the noises Q = L V Lᵀ by factors of their own,
+//! With P = F W Fᵀ (W diagonal) and the noises by their own factors, Q = L V Lᵀ,
 //!
 //! ```text
 //! A = [Φ F | Φ L_before | L_after],   weights (W, V_before, V_after),   P⁺ = A diag(weights) Aᵀ
@@ -21,7 +21,7 @@ use fusion_kernels::{Kernel, Shape};
 /// noise by a few products, which round, and a pivot magnifies that.
 const NEGLIGIBLE: f64 = 1e-6;
 
-/// Memory for the array of `n` states, out of what the form asked for.
+/// Memory for the array of `n` states, taken from the memory that the form requested.
 pub(super) struct Array<'a> {
     kernel: Kernel,
     ld: usize,
@@ -67,8 +67,8 @@ impl<'a> Array<'a> {
         }
     }
 
-    /// Φ F, and the columns of both noises; false where a noise is none, or a variance of the result
-    /// would overflow or not be a number. Where there are no `weights`, those of the noises are taken into
+    /// Φ F, and the columns of both noises. Returns false if a noise is not a valid covariance, or if a variance of
+    /// the result would overflow or be NaN. Without `weights`, the weights of the noises are multiplied into
     /// their columns.
     pub(super) fn transition(&mut self, f: &[f64], weights: Option<&[f64]>, t: &Transition) -> bool {
         self.factor(f, weights, &t.phi);
@@ -151,11 +151,11 @@ impl<'a> Array<'a> {
         (self.shape.len, self.shape.end) = (len + 1, end.max(k + 1));
     }
 
-    /// Whether no variance of P⁺ overflows, is negative or is not a number.
+    /// Returns true if no variance of P⁺ overflows, is negative or is NaN.
     fn is_finite(&mut self) -> bool {
         let Shape { n, len, .. } = self.shape;
         self.kernel.squares(len, self.columns, self.weights, self.sums);
-        // A comparison with what is not a number is false.
+        // A comparison with NaN is false.
         self.weights[..n].iter().all(|w| *w >= 0.0) && self.sums.iter().all(|sum| *sum < LARGEST)
     }
 }

@@ -1,12 +1,12 @@
 //! P whole: the Joseph and the standard form.
 //!
 //! P is stored whole, row by row, rows padded to a multiple of eight doubles, and kept exactly
-//! symmetric. The arithmetic is that of `fusion_kernels`.
+//! symmetric. `fusion_kernels` does the arithmetic.
 //!
 //! With S = LLᵀ, U = L⁻¹HP and the optimal gain K = PHᵀS⁻¹ = UᵀL⁻ᵀ, P given the measurement is A = P − UᵀU.
-//! Where a measurement is much more accurate than the prediction, A is what rounding leaves of the difference
-//! of two larger numbers. Its error E along the measurement is seen: C = AHᵀ − KR is zero without it, and
-//! (I − KH)E(I − KH)ᵀ = E − CKᵀ − KCᵀ + K(HC)Kᵀ takes it away, which is what Joseph's form does.
+//! If a measurement is much more accurate than the prediction, A is a small difference of two large
+//! numbers, with rounding errors. The error E along the measurement can be computed: without it, C = AHᵀ − KR is
+//! zero. (I − KH)E(I − KH)ᵀ = E − CKᵀ − KCᵀ + K(HC)Kᵀ removes the error, as Joseph's form does.
 
 use super::form::LARGEST;
 use super::{Form, Workspace};
@@ -27,15 +27,15 @@ pub struct Standard;
 pub(super) struct Scratch {
     pub(super) a: Vec<f64>,
     product: Product,
-    /// What P held where noise was added before the transition.
+    /// The elements of P before noise was added to them, before the transition.
     covered: Vec<f64>,
     /// The optimal gain Kᵀ, and C, m rows each.
     k: Lines,
     c: Lines,
     /// m×m.
     along: Vec<f64>,
-    /// By what the latest measurement has reduced the variance of its rows at most; infinite where
-    /// that is not known.
+    /// The largest factor by which the latest measurement has reduced the variance of its rows; infinite if
+    /// it is not known.
     reduction: f64,
 }
 
@@ -143,8 +143,8 @@ impl<'a> Whole<'a> {
             kernel.project(1, row, h.columns(), self.p, own, ld);
             kernel.inner(1, row, own, &mut s, ld);
             let s = s[0] + r;
-            // Nothing but rounding is left of S: the rows before say the same, without noise, and the gain
-            // is rounding too. P is then none, which the estimator finds.
+            // Only rounding is left of S: the earlier rows give the same information without noise, so the gain
+            // is rounding too. P is then set to NaN, and the estimator detects it.
             if s.is_nan() || s <= SINGULAR * w.s[i * m + i] {
                 self.p[0] = f64::NAN;
                 return;
@@ -172,7 +172,7 @@ impl<'a> Whole<'a> {
         kernel.refine(n, c, k, m, self.p);
     }
 
-    /// The same by the gain in `kt`, whatever it is.
+    /// The same update with the gain in `kt`, which may be any gain.
     fn condition_by_any_gain(&mut self, joseph: bool, h: &Jacobian, r: &[f64], w: &mut Workspace) {
         let (n, ld, m) = (self.n, self.ld, h.rows());
         let mut coefficients = core::mem::take(&mut w.dense.along);
@@ -218,11 +218,11 @@ impl<'a> Whole<'a> {
 /// it in A, 1e-15 of the one after it: no more than Joseph's form, so that it needs no refinement.
 const ACCURATE: f64 = 10.0;
 
-/// What is left of the variance S of a row, given the rows before it, that is no more than rounding.
+/// If no more than this share of a row's variance S is left, given the rows before it, the rest is rounding.
 const SINGULAR: f64 = 4.0 * f64::EPSILON;
 
-/// A measurement that reduces no variance by more leaves rounding, 1e-16 of the variance before it,
-/// that is within what is tolerated of the variance after it: P needs no trial.
+/// A measurement that reduces no variance by more than this factor leaves a rounding error of 1e-16 of the
+/// variance before it. That is within the tolerance of the variance after it: P needs no trial.
 const HARMLESS: f64 = 1e4;
 
 /// The largest ratio of the variance S of a row to its noise R; infinite where R is not diagonal, as
@@ -239,7 +239,7 @@ fn reduction(m: usize, s: &[f64], r: &[f64]) -> f64 {
     largest
 }
 
-/// Whether none is too large or not a number, and no variance negative; without branches.
+/// Returns true if no entry is too large or NaN, and no variance is negative; without branches.
 fn is_noise(entries: &[(u16, u16, f64)]) -> bool {
     let mut all = true;
     for &(i, j, v) in entries {
@@ -264,7 +264,7 @@ fn along(h: &Jacobian, i: usize, x: &[f64]) -> f64 {
     sum
 }
 
-/// Whether both axes, one or none of them lie in `axes`.
+/// The number of the axes `i` and `j` that are in `axes`: 0, 1 or 2.
 fn share(axes: &[Range<usize>], i: usize, j: usize) -> usize {
     let is_in = |k| usize::from(axes.iter().any(|a| a.contains(&k)));
     is_in(i) + is_in(j)
@@ -309,7 +309,7 @@ macro_rules! whole_form {
                 Whole::new(n, p).condition($joseph, h, r, w);
             }
             fn is_positive(&self, n: usize, p: &[f64], w: &mut Workspace) -> bool {
-                // What comes after this one is not known.
+                // The reduction by the next measurement is not known.
                 let reduction = core::mem::replace(&mut w.dense.reduction, f64::INFINITY);
                 reduction <= HARMLESS || super::form::on_trial(self, n, p, w)
             }

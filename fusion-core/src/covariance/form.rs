@@ -1,4 +1,4 @@
-//! How P is stored: what a form of the covariance has to do.
+//! How P is stored: the interface of a form of the covariance.
 
 use super::dense::Scratch;
 use super::upper;
@@ -17,12 +17,12 @@ const TOLERATED: f64 = 1e-12;
 
 /// How P is stored and kept positive.
 ///
-/// A form has no state: P's numbers lie in `p`, [`Form::storage`] of them, and it may use
+/// A form has no state: `p` contains P's [`Form::storage`] numbers, and the form may use
 /// [`Workspace::extra`]. `n` is the dimension of the tangent space, `h` a measurement's Jacobian of
-/// m rows, `w` the working memory. All zeros stand for P = 0. [`crate::testing::check_form`] holds
+/// m rows, `w` the working memory. All zeros mean P = 0. [`crate::testing::check_form`] contains
 /// the laws.
 pub trait Form: Debug + Send + Sync {
-    /// Its name; two forms of one name store alike.
+    /// Its name; two forms with the same name store P in the same way.
     fn name(&self) -> &'static str;
 
     /// Numbers that P takes.
@@ -57,8 +57,8 @@ pub trait Form: Debug + Send + Sync {
     /// P ← D P D with D = √`factor` on `axes` and 1 elsewhere.
     fn scale(&self, n: usize, p: &mut [f64], axes: &[Range<usize>], factor: f64);
 
-    /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and `p` as before, where a variance, or a noise on the
-    /// diagonal, would overflow, be negative or not be a number.
+    /// P ← Φ(P + Q_before)Φᵀ + Q_after. Returns false and leaves `p` unchanged if a variance, or a noise on the
+    /// diagonal, would overflow, be negative or be NaN.
     fn predict(&self, n: usize, p: &mut [f64], t: &Transition, w: &mut Workspace) -> bool;
 
     /// P ← J P Jᵀ.
@@ -71,7 +71,7 @@ pub trait Form: Debug + Send + Sync {
     /// Cholesky factor, and the gain.
     fn condition(&self, n: usize, p: &mut [f64], h: &Jacobian, r: &[f64], w: &mut Workspace);
 
-    /// Whether every variance is finite and none negative.
+    /// Whether every variance is finite and not negative.
     fn is_sound(&self, n: usize, p: &[f64]) -> bool {
         (0..n).all(|i| {
             let variance = self.element(n, p, i, i);
@@ -80,14 +80,14 @@ pub trait Form: Debug + Send + Sync {
     }
 
     /// Whether P is a covariance: finite, and no combination of states has a negative variance beyond
-    /// rounding. By default P is factored for it; a form that cannot hold anything else knows.
+    /// rounding. By default P is factored for this check; a form that can only hold covariances need not check.
     fn is_positive(&self, n: usize, p: &[f64], w: &mut Workspace) -> bool {
         on_trial(self, n, p, w)
     }
 }
 
 /// Whether P with its variances a little larger can be factored. (A pivot of P itself may be far
-/// below zero where an eigenvalue is so by rounding only.)
+/// below zero although an eigenvalue is negative by rounding only.)
 pub(super) fn on_trial<F: Form + ?Sized>(form: &F, n: usize, p: &[f64], w: &mut Workspace) -> bool {
     let ld = padded(n);
     for i in 0..n {
@@ -100,7 +100,7 @@ pub(super) fn on_trial<F: Form + ?Sized>(form: &F, n: usize, p: &[f64], w: &mut 
 /// Working memory of a measurement's passage and of the kernels, sized once.
 #[derive(Clone, Debug)]
 pub struct Workspace {
-    /// What computes: the best that the processor has, unless another one is put here.
+    /// The kernel that computes. By default it is the fastest that the processor supports.
     pub kernel: Kernel,
     /// Row length of `hp` and `kt`: n padded to a multiple of eight.
     pub ld: usize,
@@ -116,11 +116,11 @@ pub struct Workspace {
     pub(super) kt: Lines,
     /// L⁻¹HP, as long as `kt` is the optimal gain.
     pub(super) u: Lines,
-    /// Whether `kt` is the optimal gain of what is here.
+    /// Whether `kt` is the optimal gain for the matrices in this workspace.
     is_optimal: bool,
-    /// What the form asked for.
+    /// Memory for the form: [`Form::workspace`] numbers.
     pub extra: Lines,
-    /// Memory without contents that the form asked for.
+    /// Uninitialised memory for the form: [`Form::stack`] numbers.
     pub(super) stack: Vec<MaybeUninit<f64>>,
     pub(super) dense: Scratch,
 }
@@ -160,18 +160,18 @@ impl Workspace {
         &self.kt
     }
 
-    /// The same, for a gain that is not the optimal one.
+    /// Mutable Kᵀ, for a gain that is not the optimal one.
     pub fn kt_mut(&mut self) -> &mut [f64] {
         self.is_optimal = false;
         &mut self.kt
     }
 
-    /// H, P or R is another one.
+    /// H, P or R has changed.
     pub(crate) const fn forget_gain(&mut self) {
         self.is_optimal = false;
     }
 
-    /// Whether the gain is the optimal one, for whoever uses it: P is another one then.
+    /// Returns whether the gain is optimal, and clears the flag: the caller changes P next.
     pub(super) const fn take_optimal(&mut self) -> bool {
         core::mem::replace(&mut self.is_optimal, false)
     }

@@ -1,4 +1,4 @@
-//! Laws of the forms over many steps: they agree, stay positive, and say where they do not.
+//! Laws of the forms over many steps: they agree and stay positive, or report that they do not.
 
 use super::{Covariance, Form, FormKind, Workspace, cholesky};
 use crate::linear::{Jacobian, Transition, padded};
@@ -35,7 +35,7 @@ impl Bare {
         }
     }
 
-    /// P ← Φ P Φᵀ + diag(q); Φ by its elements that are not those of the identity.
+    /// P ← Φ P Φᵀ + diag(q); Φ is given by its elements that differ from the identity.
     fn predict(&mut self, phi: &[(usize, usize, f64)], q: &[f64]) {
         self.transition.reset();
         for &(i, j, value) in phi {
@@ -62,7 +62,7 @@ impl Bare {
         self.p.project(&self.jacobian, &mut self.work);
     }
 
-    /// A measurement H, R, as a filter takes it: P stays where S or what comes out is not positive.
+    /// A measurement H, R, as in a filter: P stays unchanged if S or the new P is not positive.
     fn update(&mut self, h: &[f64], r: &[f64]) -> bool {
         let m = r.len().isqrt();
         self.look(h, m);
@@ -123,12 +123,12 @@ fn joseph_udu_and_square_root_agree_after_a_hundred_thousand_steps() {
         }
     }
     let [joseph, udu, root] = runs.map(|run| run.dense());
-    // 1e-12: new information replaces old rounding, so that what is left is that of the latest steps,
+    // 1e-12: new information replaces old rounding. Only the rounding of the latest steps is left,
     // times the 1e4 by which a measurement may reduce a variance.
     assert!(apart(&udu, &joseph) < 1e-12 && apart(&root, &joseph) < 1e-12);
 }
 
-/// A random row, and the ratio of the variance of its noise to what the filter expects of it: 1e-9 to
+/// A random row, and the ratio of its noise variance to its predicted variance HPHᵀ: 1e-9 to
 /// 1e6.
 fn mixed(random: &mut Lcg, n: usize) -> (Vec<f64>, f64) {
     let h = (0..n).map(|_| random.signed()).collect();
@@ -162,12 +162,12 @@ fn a_million_steps_of_mixed_ratios_leave_factored_forms_positive_and_joseph_says
         assert!(run.p.p[n * padded(n)..].iter().take(n).all(|d| *d > 0.0));
         assert_eq!(run.dense(), run.dense().transpose());
     }
-    // What is refused is an event of the filter, `Unusable`; P stays as it was.
+    // The filter would report a refused update as the event `Unusable`; P stays unchanged.
     assert!(refused[..2] == [0, 0] && refused[2] > 0, "{refused:?}");
     // 1e-11: n times the negative part that counts as rounding, 1e-12.
     assert!(smallest.iter().all(|v| *v > -1e-11), "{smallest:?}");
-    // 1e-12: each rounds a column by 1e-16 of its length, and new noise replaces what was rounded long
-    // ago; Joseph's form is 1e-7 from them here.
+    // 1e-12: each form rounds a column by 1e-16 of its length, and new noise replaces old
+    // rounding. Joseph's form differs from them by 1e-7 here.
     assert!(apart(&runs[1].dense(), &runs[0].dense()) < 1e-12);
 }
 

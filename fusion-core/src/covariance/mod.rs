@@ -132,7 +132,7 @@ impl Covariance {
         block.tangent_range().map(|i| self.form.element(self.n, &self.p, i, i))
     }
 
-    /// Standard deviation of each axis of `block`; not a number where a variance is negative.
+    /// Standard deviation of each axis of `block`; NaN if a variance is negative.
     pub fn sigmas<'a>(&'a self, block: &Block) -> impl Iterator<Item = f64> + 'a {
         self.variances(block).map(f64::sqrt)
     }
@@ -161,8 +161,8 @@ impl Covariance {
         self.marginal_at(block.tangent)
     }
 
-    /// The same of a quantity whose error lies at tangent offset `at`, as
-    /// [`Quantity::place`](crate::state::Quantity::place) tells it.
+    /// Covariance of the D axes from the tangent offset `at` of a quantity's error, which
+    /// [`Quantity::place`](crate::state::Quantity::place) returns.
     #[must_use]
     pub fn marginal_at<const D: usize>(&self, at: usize) -> SMatrix<f64, D, D> {
         let mut found = SMatrix::zeros();
@@ -186,7 +186,7 @@ impl Covariance {
         }
     }
 
-    /// Covariance of the error of `a` (rows) with that of `b` (columns).
+    /// Covariance of the error of `a` (rows) with the error of `b` (columns).
     #[must_use]
     pub fn between<A, B, const R: usize, const C: usize>(&self, a: Slot<A>, b: Slot<B>) -> SMatrix<f64, R, C>
     where
@@ -198,13 +198,13 @@ impl Covariance {
         found
     }
 
-    /// Whether every variance is finite and none negative.
+    /// Whether every variance is finite and not negative.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         self.form.is_sound(self.n, &self.p)
     }
 
-    /// Whether it is a covariance to rounding: sound, and of no combination of states negative.
+    /// Whether it is a covariance up to rounding: sound, and no combination of states has a negative variance.
     pub(crate) fn is_positive(&self, w: &mut Workspace) -> bool {
         self.is_sound() && self.form.is_positive(self.n, &self.p, w)
     }
@@ -216,12 +216,12 @@ impl Covariance {
         (0..n * n).map(|k| self.form.element(n, &self.p, k / n, k % n)).collect()
     }
 
-    /// Gives `block` the covariance `value`, d×d, row by row, and forgets what it knows of the others.
+    /// Gives `block` the covariance `value`, d×d, row by row, and removes its correlation with the other blocks.
     pub fn set_block(&mut self, block: &Block, value: &[f64]) {
         self.set_axes(block.tangent_range(), value);
     }
 
-    /// The same of the tangent axes `axes`.
+    /// As [`set_block`](Self::set_block), for the tangent axes `axes`.
     pub(crate) fn set_axes(&mut self, axes: Range<usize>, value: &[f64]) {
         self.form.set_block(self.n, &mut self.p, axes, value);
     }
@@ -252,7 +252,7 @@ impl Covariance {
         self.p.copy_from_slice(&other.p);
     }
 
-    /// P ← 0: nothing is uncertain, or nothing is said of it.
+    /// P ← 0: no uncertainty, or no statement about it.
     pub(crate) fn clear(&mut self) {
         self.p.fill(0.0);
     }

@@ -16,11 +16,11 @@ pub fn cholesky(s: &[f64], l: &mut [f64], m: usize) -> bool {
     }
 }
 
-/// By the factors C D⁻¹ Cᵀ first: a column then waits for one division, not for a root and a division.
+/// Computes the factors C D⁻¹ Cᵀ first: a column then waits for one division, not for a root and a division.
 #[inline(always)]
 fn factor(s: &[f64], l: &mut [f64], m: usize) -> bool {
     for j in 0..m {
-        // Above the diagonal of row k, C_ik / D_k: what later columns subtract.
+        // C_ik / D_k is stored above the diagonal, in row k; later columns subtract it.
         for i in j..m {
             let mut sum = s[i * m + j];
             for k in 0..j {

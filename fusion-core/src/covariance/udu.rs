@@ -1,7 +1,7 @@
 //! P = U D Uᵀ, U unit upper triangular and D diagonal: the form of Bierman and Thornton.
 //!
-//! No variance is ever a difference: D is made of sums and of products of positive numbers, so P stays
-//! positive definite whatever the ratio of the noises, and small variances keep their digits beside
+//! No variance is ever a difference: D contains only sums and products of positive numbers. So P stays
+//! positive definite at every ratio of the noises, and small variances keep their digits next to
 //! large ones. No square root is taken.
 //!
 //! Prediction   weighted Gram-Schmidt of [ΦU | factors of Q], from the last row up (Thornton 1976)

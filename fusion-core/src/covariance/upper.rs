@@ -1,7 +1,7 @@
-//! P by an upper triangular factor: what the factored forms have in common.
+//! P by an upper triangular factor: the common part of the factored forms.
 //!
-//! The factor is stored by columns: row k of the storage, padded to a multiple of eight, is column k
-//! of the factor, its elements i ≤ k; what is beyond stays zero. Columns are what the kernels add to
+//! The factor is stored by columns. Row k of the storage, padded to a multiple of eight, holds the
+//! elements i ≤ k in column k of the factor; the other elements stay zero. The kernels add columns to
 //! each other, so the inner loops run along memory.
 
 use super::Workspace;
@@ -65,7 +65,7 @@ pub(super) fn element(n: usize, f: &[f64], weights: Option<&[f64]>, i: usize, j:
     (i.max(j)..n).map(term).sum()
 }
 
-/// Whether the variances of F W Fᵀ are finite; `weights` are none where they are ones.
+/// Whether the variances of F W Fᵀ are finite; `weights` is `None` if all are one.
 pub(super) fn is_finite(n: usize, f: &[f64], weights: Option<&[f64]>, w: &mut Workspace) -> bool {
     let ld = padded(n);
     let (sums, ones) = w.extra[..2 * ld].split_at_mut(ld);
@@ -79,7 +79,7 @@ pub(super) fn room(n: usize, m: usize) -> usize {
     (2 * m).max(m + 3) * padded(n)
 }
 
-/// HP and HPHᵀ of P = F W Fᵀ; `weights` are none where they are ones.
+/// HP and HPHᵀ of P = F W Fᵀ; `weights` is `None` if all are one.
 pub(super) fn project(n: usize, f: &[f64], weights: Option<&[f64]>, h: &Jacobian, w: &mut Workspace) {
     let (m, ld, kernel) = (h.rows(), padded(n), w.kernel);
     let (along, rest) = w.extra.split_at_mut(m * ld);

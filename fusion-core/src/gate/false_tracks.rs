@@ -4,13 +4,13 @@ use super::{Answer, Gate, GateInput, Nis, Odds, Recovery};
 use crate::covariance::cholesky;
 use core::f64::consts::PI;
 
-/// How false measurements come: one by one, or as a track that agrees with itself.
+/// How false measurements occur: one by one, or as a track that agrees with itself.
 ///
-/// A measurement is good or false, and what follows depends on what it is (a Markov chain of two
-/// states). A good one is distributed as the innovation, N(0, S). The first false one of a track may be
-/// anywhere within `reach`; later ones move on at a constant velocity, seen from the estimate, up to
-/// their noise and `wander`. Good ones between them do not end a track: two vehicles may be heard in
-/// turn. After Reid, *An algorithm for tracking multiple targets*, IEEE TAC 24
+/// A measurement is good or false, and the next measurement depends on this (a Markov chain with two
+/// states). A good measurement is distributed as the innovation, N(0, S). The first false measurement of a track may
+/// be anywhere within `reach`. Later ones move at a constant velocity, seen from the estimate, up to
+/// their noise and `wander`. Good measurements between them do not end a track: the sensor may receive two vehicles
+/// in turn. After Reid, *An algorithm for tracking multiple targets*, IEEE TAC 24
 /// (1979), with a track of false measurements in place of independent clutter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FalseTracks {
@@ -21,18 +21,18 @@ pub struct FalseTracks {
     /// How far from the estimate a false measurement may be, in the unit of the residual.
     pub reach: f64,
     /// How fast a false track may move, seen from the estimate: 1σ per row, in the unit of the residual per
-    /// second. It covers what the estimate's own velocity may be wrong by.
+    /// second. It includes the error of the estimate's own velocity.
     pub speed: f64,
-    /// By how much that velocity walks within a second: 1σ per row.
+    /// The random walk of that velocity within a second: 1σ per row.
     pub wander: f64,
     /// The probability that a good measurement finds the estimate wrong beyond its covariance.
     pub lost: f64,
 }
 
-/// Of measurements that continue a false track, so many jump nevertheless.
+/// The share of the false measurements after a false one that jump away from the track.
 const JUMPS: f64 = 0.01;
 
-/// Of false measurements after a good one, so many are no return to the false track before.
+/// The share of the false measurements after a good one that do not return to the earlier false track.
 const ANOTHER: f64 = 0.5;
 
 /// One row of a false track: its residual and the rate of that, with their covariance.
@@ -40,7 +40,7 @@ const ANOTHER: f64 = 0.5;
 struct Along {
     residual: f64,
     rate: f64,
-    /// Of the residual, between both, of the rate.
+    /// Variance of the residual, covariance of both, variance of the rate.
     p: [f64; 3],
 }
 
@@ -101,10 +101,10 @@ struct AtHand {
     shift: Vec<f64>,
 }
 
-/// The NIS gate that it is by itself, and what a bank asks of it.
+/// A NIS gate outside a bank; inside a bank, a gate that gives the odds of a measurement.
 ///
-/// Inside a bank its own test is not asked: hypotheses are weighed by [`Gate::odds`], and each has a
-/// copy of the gate, with the memory of what that hypothesis takes for false.
+/// Inside a bank, its own test is not used: hypotheses are weighted by [`Gate::odds`]. Each hypothesis has a
+/// copy of the gate, with the memory of the measurements that are false in this hypothesis.
 #[derive(Clone, Debug)]
 pub struct Hypotheses {
     tracks: FalseTracks,
@@ -118,7 +118,7 @@ pub struct Hypotheses {
 crate::memory!(Hypotheses { alone, track, is_false; tracks, at_hand });
 
 impl Hypotheses {
-    /// A gate before its first measurement; `probability` and `recovery` are those of its own test.
+    /// A gate before its first measurement. `probability` and `recovery` belong to the gate's own NIS test.
     #[must_use]
     pub fn new(tracks: FalseTracks, probability: f64, recovery: Recovery) -> Self {
         Self {
@@ -136,7 +136,7 @@ impl Hypotheses {
         self.track.rows[i].moved(dt, self.tracks.wander * self.tracks.wander)
     }
 
-    /// ln of the density of a false measurement, given what the latest one was.
+    /// ln of the density of a false measurement, given whether the latest measurement was false.
     fn false_density(&self, input: &GateInput<'_>) -> f64 {
         let m = input.residual.len();
         let anywhere = -(m as f64) * (2.0 * self.tracks.reach).ln();
@@ -155,7 +155,7 @@ impl Hypotheses {
         log_sum(stays + (1.0 - jumps).ln(), anywhere + jumps.ln())
     }
 
-    /// The measurement at hand is false: it begins a track, or says where the one there is.
+    /// The measurement at hand is false: it begins a track, or updates the existing track.
     fn follow(&mut self) {
         let m = self.at_hand.residual.len();
         let time = self.at_hand.time;
@@ -172,8 +172,8 @@ impl Hypotheses {
         self.track.time = time;
     }
 
-    /// What using the measurement moves the estimate by, seen through the sensor: P S⁻¹ r; all the way to it where
-    /// it `reacquires`.
+    /// Computes how far the measurement would move the estimate, seen through the sensor: by P S⁻¹ r, or by the whole
+    /// residual if it `reacquires`.
     fn foresee_shift(&mut self, input: &GateInput<'_>, reacquires: bool) {
         let m = input.residual.len();
         self.at_hand.shift.clear();
@@ -200,7 +200,7 @@ impl Hypotheses {
         self.track.time = time;
     }
 
-    /// Whether row `i` of the measurement at hand continues the track; one far from it has jumped.
+    /// Whether row `i` of the measurement at hand continues the track; a row far from the track has jumped.
     fn is_along(&self, i: usize, time: f64) -> bool {
         let along = self.along(i, time);
         let off = self.at_hand.residual[i] - along.residual;
@@ -208,13 +208,13 @@ impl Hypotheses {
     }
 }
 
-/// A measurement further from a false track than so many σ begins another.
+/// A measurement further from a false track than this number of σ begins another track.
 const FAR: f64 = 5.0;
 
 /// Rows of the largest residual that is weighed; more are judged by the gate's own test.
 const ROWS: usize = 12;
 
-/// L of s = L Lᵀ and y of L y = x, of an m-vector; none where `s` is not positive definite.
+/// L of s = L Lᵀ and y of L y = x, for an m-vector; `None` if `s` is not positive definite.
 fn whitened(x: &[f64], s: &[f64]) -> Option<([f64; ROWS * ROWS], [f64; ROWS])> {
     let m = x.len();
     let (mut l, mut y) = ([0.0; ROWS * ROWS], [0.0; ROWS]);
@@ -228,7 +228,7 @@ fn whitened(x: &[f64], s: &[f64]) -> Option<([f64; ROWS * ROWS], [f64; ROWS])> {
     Some((l, y))
 }
 
-/// ln N(x; 0, s) of an m-vector; none where `s` is not positive definite.
+/// ln N(x; 0, s) of an m-vector; `None` if `s` is not positive definite.
 pub(crate) fn log_normal(x: &[f64], s: &[f64]) -> Option<f64> {
     let m = x.len();
     let (l, y) = whitened(x, s)?;
@@ -237,7 +237,7 @@ pub(crate) fn log_normal(x: &[f64], s: &[f64]) -> Option<f64> {
     Some(-0.5 * nis - det - 0.5 * m as f64 * (2.0 * PI).ln())
 }
 
-/// S⁻¹ x of an m-vector; none where `s` is not positive definite.
+/// S⁻¹ x of an m-vector; `None` if `s` is not positive definite.
 fn solve(s: &[f64], x: &[f64]) -> Option<[f64; ROWS]> {
     let m = x.len();
     let (l, mut y) = whitened(x, s)?;
@@ -361,7 +361,7 @@ mod tests {
         let wanted = |variance: f64| 0.95_f64.ln() + 0.99_f64.ln() - (2.0 * PI * variance).ln();
         let first = 1.0 + 1.0 + 0.01 / 3.0;
         assert!((on.bad - wanted(first + 1.0)).abs() < 1e-5, "{} {}", on.bad, wanted(first + 1.0));
-        // Where the track is and where it goes becomes known, and what goes on costs less and less.
+        // Position and velocity of the track become known, so its next measurement becomes more and more probable.
         let mut before = on.bad;
         for k in 1..20 {
             let residual = [300.0 + 0.7 * f64::from(k), 0.0];
@@ -372,26 +372,26 @@ mod tests {
             assert!(k == 1 || on.bad > before - 1e-3, "{k}: {} {before}", on.bad);
             before = on.bad;
         }
-        // A track that is known as well as that costs what a good measurement does: S is little more than R.
+        // A measurement of a well-known track is as probable as a good measurement: S is little more than R.
         assert!(before > wanted(1.6), "{before}");
-        // One that is where the vehicle is expected is a good one: the track has ended.
+        // A measurement at the expected place of the vehicle is good: the track has ended.
         let back = gate.odds(&input(20.0, &[0.5, 0.0], &p, &s)).unwrap();
         assert!(back.good > back.bad + 5.0, "{back:?}");
         gate.judge(&input(20.0, &[0.5, 0.0], &p, &s));
         gate.settle(true);
-        // The track is remembered, a quarter of a metre nearer: P S⁻¹ r is what the estimate has moved.
+        // The track is remembered, a quarter of a metre nearer: the estimate has moved by P S⁻¹ r.
         let bad = |x: f64| gate.odds(&input(21.0, &[x, 0.0], &p, &s)).unwrap().bad;
         let place = 300.0 + 0.7 * 21.0 - 0.25;
         assert!(bad(place) > fresh.bad + 9.0, "{} {}", bad(place), fresh.bad);
         assert!(bad(place) > bad(place - 0.25) && bad(place) > bad(place + 0.25));
-        // Half of the false ones that follow a good one begin elsewhere; what is left of the track there is nothing.
+        // Half of the false measurements after a good one begin elsewhere; the track contributes nothing at −300.
         assert!((bad(-300.0) - (fresh.bad - 2.0_f64.ln())).abs() < 1e-9, "{}", bad(-300.0));
     }
 
     #[test]
     fn a_track_is_seen_from_where_the_estimate_has_gone() {
         let (p, s) = ([1.0, 0.5, 0.5, 2.0], [2.0, 0.5, 0.5, 3.0]);
-        // A residual inside the test moves the estimate by P S⁻¹ r, one that re-acquires all the way.
+        // A residual inside the test moves the estimate by P S⁻¹ r; a residual that re-acquires moves it by r.
         for (residual, moved) in [([1.0, -1.0], [2.25 / 5.75, -3.25 / 5.75]), ([100.0, 0.0], [100.0, 0.0])] {
             let mut gate = gate();
             gate.judge(&input(0.0, &[300.0, -20.0], &p, &s));

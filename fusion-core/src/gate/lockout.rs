@@ -7,17 +7,17 @@ use smallvec::SmallVec;
 /// Residuals that must agree before a denied sensor is re-acquired.
 const WITNESSES: usize = 5;
 
-/// A pause is at least this many of the sensor's own periods: as many as witnesses, so that they
+/// A pause is at least this many periods of the sensor. It equals the number of witnesses, so that they
 /// span the same time as a pause that would empty them.
 const PERIODS: f64 = WITNESSES as f64;
 
-/// How many times the span of the witnesses a sensor must have been refused before the way that the
-/// estimate went meanwhile tells of its speed: in a shorter time scattered measurements look like one.
+/// A sensor must have been rejected for this many times the span of its witnesses. Only then does the distance
+/// that the estimate has moved give its speed: over a shorter time, scattered measurements look like a speed.
 const SPANS: f64 = 6.0;
 
-/// How far the witnesses may lie from their line where the estimate runs away, as a share of what it
-/// runs within their span: a velocity that is wrong by a constant vector and turns by a right angle
-/// within the span bends the line by about that much.
+/// How far the witnesses may be from their line when the estimate runs away, as a share of the distance that it
+/// runs within their span. A velocity error of constant size that turns by a right angle within the span bends
+/// the line by about this share.
 const BEND: f64 = 0.25;
 
 /// When a gate denies its sensor, and when it re-acquires it.
@@ -30,12 +30,12 @@ pub struct Recovery {
     /// Time in denial \[s\] after which five mutually consistent measurements are accepted against
     /// the estimate; infinite: never.
     pub reacquire_after: f64,
-    /// A pause of the sensor \[s\] after which consistent measurements are accepted immediately; of
-    /// a slow sensor five of its own periods, where they are longer.
+    /// A pause of the sensor \[s\] after which consistent measurements are accepted immediately. For
+    /// a slow sensor, five of its periods if they are longer.
     pub gap: f64,
-    /// Time \[s\] between two witnesses at least: five samples of a fast sensor are no evidence.
+    /// Minimum time \[s\] between two witnesses: five successive samples of a fast sensor are no evidence.
     pub spacing: f64,
-    /// How far the witnesses may lie from the straight line through them, in units of √R_ii.
+    /// How far the witnesses may be from the straight line through them, in units of √R_ii.
     pub agreement: f64,
 }
 
@@ -56,15 +56,15 @@ impl Default for Recovery {
 
 /// The memory of a gate: tracking, denial and recovery.
 ///
-/// The gate is never widened because it has been rejecting: a sustained false track would then be
-/// believed. A denied sensor returns by passing the test again, or by witnesses that agree with
-/// each other after a long denial or after a gap. They agree if their residuals lie on a straight
+/// Rejections never widen the gate: otherwise it would accept a sustained false track.
+/// A denied sensor returns by passing the test again, or by witnesses that agree with
+/// each other after a long denial or after a gap. They agree if their residuals are on a straight
 /// line in time, up to their noise: a wrong estimate may also drift at a constant speed.
 ///
-/// An estimate of wrong attitude does not drift at a constant speed: its acceleration is wrong, and
-/// turns with the vehicle. So where the residual has grown since the first refusal, by d in a time T,
-/// witnesses that span w may also lie off their line by a quarter of d w/T. False measurements that
-/// keep their distance, and those that scatter, gain nothing by that: their d does not grow with T.
+/// An estimate with a wrong attitude does not drift at a constant speed: its acceleration is wrong, and
+/// turns with the vehicle. Let the residual have grown by d in the time T since the first rejection.
+/// Witnesses that span the time w may then also be off their line by a quarter of d w/T. False measurements that
+/// keep their distance, or that scatter, gain nothing by this rule: their d does not grow with T.
 #[derive(Clone, Debug, Default)]
 pub struct Lockout {
     recovery: Recovery,
@@ -78,7 +78,7 @@ pub struct Lockout {
     resumed: bool,
     /// Whether the latest decision was to re-acquire, and its outcome is not known yet.
     reacquiring: bool,
-    /// Residuals, the latest last; up to eight rows they need no memory of their own.
+    /// Residuals, the latest last; up to eight rows are stored inline.
     witnesses: [SmallVec<[f64; 8]>; WITNESSES],
     times: [Time; WITNESSES],
     count: usize,
@@ -106,7 +106,7 @@ impl Lockout {
         if self.reacquiring { Mode::Track } else { self.mode }
     }
 
-    /// Hears whether the measurement decided on last was used. Where the filter could not re-acquire
+    /// Receives whether the measurement decided on last was used. Where the filter could not re-acquire
     /// the sensor, the witnesses are kept, and the next measurement that agrees is offered at once.
     pub fn settle(&mut self, is_used: bool) {
         if core::mem::take(&mut self.reacquiring) && is_used {

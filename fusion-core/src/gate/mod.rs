@@ -1,7 +1,7 @@
 //! Gates: whether a measurement may touch the estimate.
 //!
-//! A gate is a policy with a memory. It sees the whitened, unweighted residual, answers with its
-//! statistic, notices when it has been rejecting for long, and says how it recovers. A rejected
+//! A gate is a policy with a memory. It sees the whitened, unweighted residual and answers with its
+//! statistic. It notices when it has been rejecting for long, and decides how to recover. A rejected
 //! measurement is an outcome, never an error.
 
 mod false_tracks;
@@ -38,10 +38,10 @@ pub struct GateInput<'a> {
     pub nis: f64,
     /// (S⁻¹)_ii: the NIS that a residual of one unit in row i alone would have.
     pub unit_nis: &'a [f64],
-    /// What the row says of its own quality, HDOP for one, where the sensor reads such a number.
+    /// The quality number in the row, such as HDOP, if the sensor reads one.
     pub quality: Option<f64>,
-    /// The outcome of the latest measurement of each sensor of the design, by number; none before
-    /// the first. It may be empty.
+    /// The outcome of each sensor's latest measurement, by the sensor's number in the design; `None` before
+    /// the first. The slice may be empty.
     pub others: &'a [Option<Outcome>],
 }
 
@@ -57,15 +57,15 @@ pub struct Outcome {
 }
 crate::memory!(Outcome { time, is_used, mode });
 
-/// What a gate decides.
+/// A gate's decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decision {
     /// Use it.
     Accept,
     /// Do not use it.
     Reject,
-    /// Re-acquire the sensor: the covariance of the motion is scaled up until the NIS is an expected
-    /// one, then the measurement is used.
+    /// Re-acquire the sensor: the covariance of the motion is scaled up until the NIS has an expected
+    /// value, then the measurement is used.
     Reacquire,
 }
 
@@ -86,7 +86,7 @@ pub struct Answer {
     pub decision: Decision,
     /// The statistic it was based on.
     pub statistic: f64,
-    /// What the statistic was compared with.
+    /// The threshold for the statistic.
     pub threshold: f64,
     /// The gate's mode after the decision.
     pub mode: Mode,
@@ -98,7 +98,7 @@ impl Memory for Mode {
     }
 }
 
-/// How probable a measurement is: ln of its density, times the probability of what it is taken for.
+/// How probable a measurement is under each hypothesis: ln of its density times the hypothesis's probability.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Odds {
     /// It is good, and the estimate is as good as its covariance says.
@@ -114,18 +114,18 @@ pub trait Gate: Memory + Debug + Send {
     /// Judges one measurement.
     fn judge(&mut self, input: &GateInput<'_>) -> Answer;
 
-    /// Hears whether the measurement that it judged last has corrected the estimate.
+    /// Receives whether the measurement that it judged last has corrected the estimate.
     fn settle(&mut self, is_used: bool) {
         let _ = is_used;
     }
 
     /// The power of the test, per row: the smallest error of that row alone, in its unit, that the
-    /// test refuses now while all else agrees with the estimate; infinite where it refuses none.
-    /// Denial does not count: it is about the test, not about what came before.
+    /// test rejects now while all other rows agree with the estimate; infinite if it rejects no error.
+    /// Denial does not count: the power belongs to the test, not to the earlier measurements.
     fn power(&self, input: &GateInput<'_>, smallest: &mut [f64]);
 
-    /// How probable the measurement is, for a bank of hypotheses, which then decides in place of the
-    /// gate; none where the gate's own decision holds in every hypothesis.
+    /// How probable the measurement is, for a bank of hypotheses. The bank then decides in place of the
+    /// gate. `None` if the gate's own decision holds in every hypothesis.
     fn odds(&self, input: &GateInput<'_>) -> Option<Odds> {
         let _ = input;
         None

@@ -7,14 +7,14 @@ use crate::consistency::chi_square_quantile;
 #[derive(Clone, Debug)]
 pub struct Nis {
     probability: f64,
-    /// By the number of rows; of more rows once such a residual has come.
+    /// By the number of rows; extended when a residual with more rows arrives.
     thresholds: Vec<f64>,
     lockout: Lockout,
 }
 crate::memory!(Nis { lockout; probability, thresholds });
 
 impl Nis {
-    /// Passes what a consistent filter would see with `probability`.
+    /// A gate that passes the residuals of a consistent filter with this `probability`.
     #[must_use]
     pub fn new(probability: f64, recovery: Recovery) -> Self {
         let mut gate = Self {
@@ -155,13 +155,13 @@ mod tests {
         // to 9 m off a straight line of residuals, and never all within 4.4 m.
         let believed = reacquired(|t| 50.0 + 20.0 * t + 9.5 * (1.5 * t).sin());
         assert!(believed.is_some_and(|t| (30.0..32.0).contains(&t)), "{believed:?}");
-        // What keeps its distance and is off a line by as much, or scatters over all of it, is not
-        // believed.
+        // Measurements that keep their distance but are as far off a line, or that scatter over the whole
+        // distance, are not accepted.
         assert_eq!(reacquired(|t| 50.0 + 9.5 * (1.5 * t).sin()), None);
         let mut random = crate::testing::Lcg::new(1);
         let scattered: Vec<f64> = (0..1000).map(|_| 100.0 * random.signed()).collect();
         assert_eq!(reacquired(|t| 300.0 + scattered[(5.0 * t).round() as usize]), None);
-        // A false track that moves away steadily is no easier to believe: it needs its own noise.
+        // A false track that moves away steadily is not accepted more easily: its noise counts.
         assert_eq!(reacquired(|t| 10.0 + t + 9.5 * (1.5 * t).sin()), None);
     }
 }

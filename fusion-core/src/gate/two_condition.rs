@@ -1,13 +1,13 @@
 //! The two-condition test for position fixes.
 //!
-//! C1  the fix lies outside the confidence ellipse of the *estimate*: eᵀP_h⁻¹e > γ
+//! C1  the fix is outside the confidence ellipse of the *estimate*: eᵀP_h⁻¹e > γ
 //! C2  it is also far away: |e| > max(3√2 σ, d_min)
-//! A fix is an outlier where both hold. C1 alone discards good fixes as soon as the estimate is
-//! better than the sensor; C2 alone discards good fixes after an outage. e is the horizontal part
-//! of the residual, P_h that of HPHᵀ, γ a χ² quantile of two degrees of freedom.
+//! A fix is an outlier if both hold. C1 alone discards good fixes as soon as the estimate is
+//! better than the sensor; C2 alone discards good fixes after an outage. e is the residual's horizontal part,
+//! P_h the horizontal part of HPHᵀ, γ a χ² quantile with two degrees of freedom.
 //!
-//! Height is judged by itself, by the same two conditions with its own P_dd, its own σ and a
-//! quantile of one degree of freedom: a fix is also an outlier where its height is one. A test of
+//! Height is judged separately, by the same two conditions with its own P_dd, its own σ and a
+//! quantile with one degree of freedom. A fix is also an outlier if its height is an outlier. A test of
 //! all three axes together would weigh a height against the horizontal σ.
 //! Source  after Ko et al. 2016; the formulas are a reconstruction, height is not in it
 
@@ -22,20 +22,20 @@ pub enum Ellipse {
     /// Against the covariance of the estimate, HPHᵀ.
     #[default]
     Estimate,
-    /// Against that of the innovation, HPHᵀ + R.
+    /// Against the covariance of the innovation, HPHᵀ + R.
     Innovation,
     /// Per axis: any |e_i| > k √(HPHᵀ)_ii, k being the square root of γ.
     PerAxis,
 }
 
-/// How C2 tells that a fix is far away.
+/// How C2 decides that a fix is far away.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Magnitude {
     /// By the distance from the estimate.
     #[default]
     Distance,
-    /// By the step since the latest fix that was used, less the estimate's own:
-    /// |e − e₋| > v Δt + 3√2 σ. Both residuals are those before their update.
+    /// By the step since the latest used fix, minus the estimate's own step:
+    /// |e − e₋| > v Δt + 3√2 σ. Both residuals are taken before their updates.
     Step {
         /// The speed v \[m/s\] by which fix and estimate may move apart.
         speed: f64,
@@ -45,27 +45,27 @@ pub enum Magnitude {
         /// The largest good 1σ \[m\].
         limit: f64,
     },
-    /// By what the row says of its own quality, e.g. HDOP: above this, or not said.
+    /// By the quality number in the row, e.g. HDOP: above this limit, or missing.
     Quality {
         /// The largest good number.
         limit: f64,
     },
 }
 
-/// What the two conditions are.
+/// The parameters of the two conditions.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoConditions {
     /// C1: the probability of the ellipse.
     pub probability: f64,
     /// C1: which covariance the ellipse belongs to.
     pub ellipse: Ellipse,
-    /// C2: what counts as far away.
+    /// C2: the criterion for far away.
     pub magnitude: Magnitude,
-    /// 1σ of a good fix per horizontal axis \[m\]; none: that of R.
+    /// 1σ of a good fix per horizontal axis \[m\]; if `None`, the 1σ of R.
     pub sigma: Option<f64>,
-    /// 1σ of a good height \[m\]; none: that of R.
+    /// 1σ of a good height \[m\]; if `None`, the 1σ of R.
     pub vertical_sigma: Option<f64>,
-    /// What is nearer than this is never far \[m\].
+    /// A fix nearer than this is never far away \[m\].
     pub least: f64,
     /// Whether a third row, down, is judged as well.
     pub height: bool,
@@ -85,7 +85,7 @@ impl Default for TwoConditions {
     }
 }
 
-/// The test, with the memory that keeps it from locking out.
+/// The test, with the memory that prevents a lockout.
 #[derive(Clone, Debug)]
 pub struct TwoCondition {
     conditions: TwoConditions,
@@ -100,10 +100,10 @@ pub struct TwoCondition {
 }
 crate::memory!(TwoCondition { lockout, used, offered; conditions, gamma, gamma_down });
 
-/// One part of a fix that is judged by itself: the horizontal one, or height.
+/// A part of a fix that is judged separately: the horizontal part, or height.
 #[derive(Clone, Copy, Debug)]
 struct Part {
-    /// C1: its statistic, and the quantile that it is held against.
+    /// C1: its statistic, and the quantile that is its threshold.
     statistic: f64,
     gamma: f64,
     /// Its size and its step since the latest fix that was used \[m\].
@@ -195,7 +195,7 @@ impl TwoCondition {
         }
     }
 
-    /// How far fix and estimate may have moved apart since a fix was used; none before the first.
+    /// How far fix and estimate may have moved apart since the latest used fix; `None` before the first.
     fn drift(&self, input: &GateInput<'_>) -> Option<f64> {
         let Magnitude::Step { speed } = self.conditions.magnitude else {
             return Some(0.0);
@@ -203,7 +203,7 @@ impl TwoCondition {
         self.used.map(|(time, _)| speed * input.time.seconds_since(time))
     }
 
-    /// Whether the fix says of itself that it is poor.
+    /// Whether the fix itself reports that it is poor.
     fn is_poor(&self, input: &GateInput<'_>) -> bool {
         match self.conditions.magnitude {
             Magnitude::Reported { limit } => {
@@ -226,12 +226,12 @@ impl TwoCondition {
     }
 }
 
-/// Whether `value` is above `limit`; what is no number is.
+/// Whether `value` is above `limit`; NaN counts as above.
 fn exceeds(value: f64, limit: f64) -> bool {
     value > limit || value.is_nan()
 }
 
-/// Not `f64::max`, which would lose what is no number.
+/// Not `f64::max`, which would lose a NaN.
 fn larger(a: f64, b: f64) -> f64 {
     if a > b || a.is_nan() { a } else { b }
 }
@@ -327,7 +327,7 @@ mod tests {
         (answer.decision, answer.mode)
     }
 
-    /// What the gate says of a residual \[m\] against an estimate of variance `p`; it is used if it may.
+    /// The gate's answer to a residual \[m\] against an estimate of variance `p`. The measurement is used if accepted.
     fn offer(gate: &mut TwoCondition, time: f64, residual: [f64; 3], p: f64, quality: Option<f64>) -> Answer {
         leaning(gate, time, residual, (p, 0.0), quality)
     }
@@ -426,7 +426,7 @@ mod tests {
     fn a_step_is_measured_from_the_latest_fix_that_was_used() {
         let mut g = with(Magnitude::Step { speed: 1.0 });
         fix(&mut g, 0.0, 0.0, 0.0, 0.3);
-        // A second fix beside the first wrong one is no step from it, and wrong all the same.
+        // A second wrong fix near the first one is no step from it, but it is still wrong.
         for k in 1..9 {
             assert_eq!(fix(&mut g, f64::from(k), 60.0, 0.0, 0.3).0, Decision::Reject, "{k}");
         }

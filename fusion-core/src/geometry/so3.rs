@@ -86,7 +86,7 @@ pub fn exp(phi: &Vector3<f64>) -> UnitQuaternion<f64> {
 
 /// Log: unit quaternion to the shortest rotation vector \[rad\], |φ| ≤ π.
 ///
-/// `q` and `−q` give the same answer. At half a turn the sign of the axis is that of `q`.
+/// `q` and `−q` give the same answer. At half a turn, the axis has the sign of `q`.
 #[inline]
 #[must_use]
 pub fn log(q: &UnitQuaternion<f64>) -> Vector3<f64> {
@@ -95,7 +95,7 @@ pub fn log(q: &UnitQuaternion<f64>) -> Vector3<f64> {
     let v = sign * q.imag();
     let n = v.norm();
     if n < 1e-7 {
-        // 2 atan(n/w)/n = (2/w)(1 − n²/3w² + …); what is left out is below 1e-28.
+        // 2 atan(n/w)/n = (2/w)(1 − n²/3w² + …); the omitted terms are below 1e-28.
         let t2 = (n / w) * (n / w);
         v * (2.0 / w * (1.0 - t2 / 3.0))
     } else {
@@ -168,7 +168,7 @@ pub fn left_jacobian_slope(phi: &Vector3<f64>, v: &Vector3<f64>) -> Matrix3<f64>
 fn jacobian_slopes(theta2: f64) -> (f64, f64) {
     let y = theta2;
     if y < 1.0 {
-        // a = Σ (−y)^k/(2k + 2)!, b = Σ (−y)^k/(2k + 3)!; what is left out after k = 9 is below 1e-19.
+        // a = Σ (−y)^k/(2k + 2)!, b = Σ (−y)^k/(2k + 3)!; the terms after k = 9 are below 1e-19.
         let (mut a, mut b, mut term) = (0.0, 0.0, 0.5);
         for k in 1..10 {
             let k = f64::from(k);
@@ -188,7 +188,7 @@ fn jacobian_slopes(theta2: f64) -> (f64, f64) {
     }
 }
 
-/// Mean of `Exp(s φ) v` over s ∈ \[0, 1\]: what a vector fixed in a body contributes while
+/// Mean of `Exp(s φ) v` over s ∈ \[0, 1\]: the mean of a body-fixed vector while
 /// the body turns by φ at a constant rate. Equals `Jr(−φ) v`, without building the matrix.
 #[inline]
 #[must_use]
@@ -205,7 +205,7 @@ pub fn rotation(q: &UnitQuaternion<f64>) -> Matrix3<f64> {
     q.to_rotation_matrix().into_inner()
 }
 
-/// Of the two quaternions of one rotation, the one whose scalar part is not negative.
+/// The same rotation as a quaternion with a non-negative scalar part.
 #[inline]
 #[must_use]
 pub fn canonical(q: &UnitQuaternion<f64>) -> UnitQuaternion<f64> {
@@ -249,8 +249,8 @@ pub fn from_rpy(roll: f64, pitch: f64, yaw: f64) -> UnitQuaternion<f64> {
 
 /// `[roll, pitch, yaw]` \[rad\] of `q_nb`; roll and yaw in (−π, π], pitch in \[−π/2, π/2\].
 ///
-/// Above |C31| = [`GIMBAL_LOCK_C31`] roll and yaw are hardly told apart: roll is then set to
-/// 0 and the whole turn about the vertical goes to yaw. Rebuilding the attitude from such
+/// Above |C31| = [`GIMBAL_LOCK_C31`] roll and yaw can hardly be separated. Roll is then set to
+/// 0, and yaw gets the whole turn about the vertical. An attitude rebuilt from such
 /// angles is wrong by at most |roll| cos(pitch) < 0.0142 |roll|; pitch stays exact.
 #[inline]
 #[must_use]

@@ -14,13 +14,13 @@ pub struct BlockMatrix {
     ld: usize,
     /// Its transpose, row by row: the kernels read Φ along columns.
     data: Lines,
-    /// Per row, the ranges of columns that may be non-zero besides the identity.
+    /// Per row, the ranges of columns that may differ from the identity.
     rows: Vec<Vec<(u16, u16)>>,
     /// The same for the first 64 columns, a bit each: a block known already costs one test.
     known: Vec<u64>,
     /// Rows that have ranges, in order.
     active: Vec<u16>,
-    /// What active rows read, row after row, and where each row ends.
+    /// The elements that active rows read, row after row, and where each row ends.
     elements: Vec<Element>,
     ends: Vec<usize>,
     /// How the kernels go through it.
@@ -28,12 +28,12 @@ pub struct BlockMatrix {
     reach: Reach,
     /// `rows` in one list, as it is remembered: row, start, end.
     pattern: Vec<u8>,
-    /// What a step writes, block by block.
+    /// The blocks that a step writes.
     script: Script,
 }
 
-/// The blocks that a step writes, in order: one that writes what the step before has written has no zeros
-/// to put back, and no pattern to look up.
+/// The blocks that a step writes, in order. A step that writes the same blocks as the step before need not
+/// restore zeros, nor look up the pattern.
 #[derive(Clone, Debug, Default)]
 struct Script {
     blocks: Vec<Written>,
@@ -67,8 +67,8 @@ impl Written {
     }
 }
 
-/// What is remembered of a map between two steps is its pattern: sums run along it, so that it decides on
-/// the last bit.
+/// The memory of a map between two steps is its pattern. Sums run along the pattern, so it decides the
+/// last bit.
 impl Memory for BlockMatrix {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         let Some(read) = tape.blob(&self.pattern) else { return };
@@ -159,8 +159,8 @@ impl BlockMatrix {
         }
     }
 
-    /// The same for a step that most likely writes the blocks of the step before: between this and
-    /// [`BlockMatrix::finish`] those are still what they were.
+    /// The same for a step that most likely writes the blocks of the step before. Until
+    /// [`BlockMatrix::finish`], the blocks keep their old values.
     pub(crate) fn restart(&mut self) {
         if !self.script.is_kept {
             self.reset();
@@ -169,7 +169,7 @@ impl BlockMatrix {
         self.script.done = 0;
     }
 
-    /// A step is written: what it has not written is the identity again.
+    /// The step is written: all other blocks return to the identity.
     #[inline]
     pub(crate) fn finish(&mut self) {
         if self.script.done < self.script.blocks.len() {
@@ -284,7 +284,7 @@ impl BlockMatrix {
         for &i in &self.active {
             let ranges = &self.rows[usize::from(i)];
             let listed = ranges.iter().flat_map(|&(start, end)| start..end);
-            // The one of the identity comes last where it is not in a range.
+            // The diagonal element of the identity comes last if it is not in a range.
             let own = (!ranges.iter().any(|&(start, end)| start <= i && i < end)).then_some(i);
             let element = |column: u16| Element {
                 at: u32::from(column) * self.ld as u32 + u32::from(i),
@@ -316,12 +316,12 @@ impl BlockMatrix {
         self.data[col * self.ld + row]
     }
 
-    /// The ranges of columns that row `i` may read besides the identity.
+    /// The ranges of columns that row `i` may read in addition to the identity.
     pub(crate) fn ranges(&self, i: usize) -> &[(u16, u16)] {
         &self.rows[i]
     }
 
-    /// The elements that differ from those of the identity: row, column, and by how much.
+    /// The elements that differ from the identity: row, column, difference.
     pub(crate) fn changes(&self) -> impl Iterator<Item = (u16, u16, f64)> {
         let rows = self.active.iter().zip(self.elements());
         rows.flat_map(move |(&i, elements)| {
@@ -347,7 +347,7 @@ impl BlockMatrix {
         (&self.data, &self.reach)
     }
 
-    /// What active rows read, row by row.
+    /// The elements that active rows read, row by row.
     fn elements(&self) -> impl Iterator<Item = &[Element]> {
         let mut start = 0;
         self.ends.iter().map(move |&end| {

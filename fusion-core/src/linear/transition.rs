@@ -80,8 +80,8 @@ impl Transition {
         self.after.add(row.tangent, col.tangent, block, 1.0);
     }
 
-    /// Adds `variance` to the noise after Φ, per axis of `slot`, but no more than lifts the variance of
-    /// the axis to `bound`: for an error that is known not to grow for ever.
+    /// Adds `variance` to the noise after Φ, per axis of `slot`, but lifts the variance of
+    /// the axis to `bound` at most: for an error that is known not to grow for ever.
     pub fn noise_up_to<A, const R: usize>(&mut self, slot: Slot<A>, variance: &SVector<f64, R>, bound: &SVector<f64, R>)
     where
         A: Tangent<R>,
@@ -98,8 +98,9 @@ impl Transition {
         }
     }
 
-    /// Lowers the noise up to a bound of axis `k` of `slot` to `per` times the mean square of the first `axes` axes of
-    /// `by`: `square` that of their values, their variances are added. For an error that grows with what is uncertain itself.
+    /// Lowers the bounded noise on axis `k` of `slot` to `per` times the mean square of the first `axes` axes of
+    /// `by`. `square` is the mean square of their values; their variances are added. For an error that grows with
+    /// an uncertain quantity.
     pub fn noise_in_proportion<A, B>(&mut self, slot: Slot<A>, k: usize, per: f64, square: f64, by: Slot<B>, axes: usize)
     where
         A: Manifold,
@@ -118,7 +119,7 @@ impl Transition {
         self.phi.finish();
     }
 
-    /// Turns the bounded noise into noise; `variance` tells that of an axis before the step.
+    /// Turns the bounded noise into noise; `variance` returns the variance of an axis before the step.
     #[inline]
     pub(crate) fn settle(&mut self, variance: impl Fn(usize) -> f64) {
         for b in &self.bounded {
@@ -135,7 +136,7 @@ impl Transition {
         self.before.entries.iter().map(|&(i, j, v)| (i.into(), j.into(), v))
     }
 
-    /// The same of the noise added after Φ.
+    /// The noise added after Φ, in the same form as [`noise_before`](Self::noise_before).
     pub fn noise_after(&self) -> impl Iterator<Item = (usize, usize, f64)> {
         self.after.entries.iter().map(|&(i, j, v)| (i.into(), j.into(), v))
     }
@@ -151,7 +152,8 @@ impl Transition {
         self.after.add(row.tangent, col.tangent, block, 0.5);
     }
 
-    /// The same of noise that is independent per axis of `slot`: the diagonal of the block.
+    /// As [`noise_trapezoid`](Self::noise_trapezoid), for noise that is independent per axis of `slot`: a diagonal
+    /// block.
     #[inline]
     pub fn noise_trapezoid_of_axes<A, const R: usize>(&mut self, slot: Slot<A>, variance: &SVector<f64, R>)
     where

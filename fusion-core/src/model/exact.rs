@@ -1,8 +1,8 @@
 //! Exact derivatives for models that write only h.
 //!
 //! An author implements [`ExactModel::h`] once, generic over the number type, and wraps the
-//! model in [`Exact`]. Evaluated once in real numbers, h tells which quantities it reads; dual
-//! numbers then carry the derivative along one tangent direction of those at a time.
+//! model in [`Exact`]. One evaluation in real numbers finds the quantities that h reads. Dual
+//! numbers then carry the derivative along one tangent direction of these quantities at a time.
 
 use super::measurement::{Measurement, Size, Undefined};
 use crate::geometry::wgs84;
@@ -14,7 +14,7 @@ use nalgebra::{SVector, Vector3};
 use num_dual::{Dual64, DualNum};
 use smallvec::{SmallVec, smallvec};
 
-/// A real or dual number over `f64`: what h is generic in.
+/// A real or dual number over `f64`: the type parameter of h.
 pub trait Real: DualNum<Primitive = f64> + Copy {}
 impl<D: DualNum<Primitive = f64> + Copy> Real for D {}
 
@@ -52,18 +52,18 @@ struct Read {
     dim: usize,
 }
 
-/// The quantities that h reads, each once, in the order of the first reading. Up to sixteen need
-/// no memory of their own.
+/// The quantities that h reads, each once, in the order of the first reading. Up to sixteen are
+/// stored inline.
 type Reads = SmallVec<[Read; 16]>;
 
 impl<'a, D: Real> ExactView<'a, D> {
-    /// Where nothing is perturbed.
+    /// The view without a perturbation.
     const fn plain(at: &'a View<'a>) -> Self {
         let (seed, reads) = (None, None);
         Self { at, seed, reads }
     }
 
-    /// Notes in `reads` what is read.
+    /// Notes in `reads` the quantities that are read.
     const fn noting(at: &'a View<'a>, reads: &'a RefCell<Reads>) -> Self {
         let (seed, reads) = (None, Some(reads));
         Self { at, seed, reads }
@@ -179,7 +179,7 @@ impl<M: ExactModel> Measurement for Exact<M> {
 
     fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
         let m = self.0.dim();
-        // Up to sixteen rows need no memory of their own.
+        // Up to sixteen rows are stored inline.
         let mut value: SmallVec<[f64; 16]> = smallvec![0.0; m];
         let reads = RefCell::new(Reads::new());
         self.0.h(&ExactView::noting(at, &reads), &mut value)?;
@@ -288,7 +288,7 @@ mod tests {
         check_measurement(&layout, Some(&process), &Exact(model), layout.initial(), &Input::held(&[])).unwrap();
     }
 
-    /// Row i of many is the square of state i of as many, plus the one before.
+    /// Row i is the square of state i, plus the state before it.
     #[derive(Debug)]
     struct Many(Vec<Quantity<Scalar>>);
 

@@ -46,14 +46,14 @@ pub trait Measurement: Debug + Send + Sync {
     fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined>;
 
     /// Whether it reads signals of the process: they are evaluated for it only then. The law of measurements
-    /// holds a model that says no to it.
+    /// checks a model that returns false.
     fn reads_signals(&self) -> bool {
         true
     }
 
-    /// Row `row` of value and residual as a measurement of its own, where rows come and go one by one, like the
-    /// beams of a Doppler log: each is then judged by a gate of its own, and one that is missing leaves the others.
-    /// None where the rows belong together.
+    /// Row `row` of value and residual as a separate measurement, if rows come and go one by one, like the
+    /// beams of a Doppler log. A separate gate then judges each row, and a missing row does not affect the others.
+    /// `None` if the rows belong together.
     fn part(&self, row: usize) -> Option<Box<dyn Measurement>> {
         let _ = row;
         None

@@ -1,4 +1,4 @@
-//! The process model: how the state moves and what it tells the sensors.
+//! The process model: how the state moves, and the signals that sensors read from it.
 
 use crate::covariance::Covariance;
 use crate::linear::{Jacobian, Transition};
@@ -14,11 +14,11 @@ use nalgebra::{Matrix3, SMatrix};
 /// measurement: the parts see the same rates over shorter times.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
-    /// The sample: [`Process::input_dim`] numbers as the stream has them, and behind them what the
+    /// The sample: [`Process::input_dim`] numbers as the stream has them, then the numbers that the
     /// process's [`Preparation`] has added.
     pub sample: &'a [f64],
-    /// Whole length of the sample's interval \[s\], however short the step within it; 0 where the
-    /// sample is held beyond its interval, or there is none.
+    /// Whole length of the sample's interval \[s\], even if the step within it is shorter. It is 0 if the
+    /// sample is missing, or held beyond its interval.
     pub interval: f64,
 }
 
@@ -117,16 +117,16 @@ impl Gap {
     }
 }
 
-/// Extends the samples of the input stream by what the process needs besides, such as neighbouring
+/// Extends the samples of the input stream by further numbers that the process needs, such as neighbouring
 /// samples. Unlike a process it has a memory.
 pub trait Preparation: Memory + Debug + Send {
-    /// Takes the sample of an interval of `interval` seconds; 0 for the first of a stream or the first
-    /// after a gap, which covers no time and is not run over, and before which nothing counts any
-    /// more. Writes to `out` what has become of it or of those before it: every interval once, in
+    /// Takes the sample of an interval of `interval` seconds. It is 0 for the first sample of a stream or
+    /// after a gap: this sample covers no time, no step uses it, and earlier samples no longer
+    /// count. Writes to `out` the samples that are now complete: every interval once, in
     /// order.
     fn take(&mut self, interval: f64, sample: &[f64], out: &mut Prepared);
 
-    /// Writes what it has held back: no sample follows.
+    /// Writes the samples that it has held back: no sample follows.
     fn finish(&mut self, out: &mut Prepared);
 }
 
@@ -162,15 +162,15 @@ impl Prepared {
     }
 }
 
-/// What Φ of a step of Δt is, F being the continuous error model at the start of the step.
+/// How Φ of a step of Δt is computed. F is the continuous error model at the start of the step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// The series of exp(FΔt) up to FΔt at least.
     First,
     /// The series of exp(FΔt) up to ½F²Δt² at least.
     Second,
-    /// The derivative of [`Process::propagate`] itself, whatever the step: what changes within the
-    /// step, such as the attitude, is in it, which no series of one F has.
+    /// The derivative of [`Process::propagate`] itself, for every step. It includes changes within the
+    /// step, such as a change of the attitude; no series with one F includes them.
     Exact,
 }
 
@@ -179,7 +179,7 @@ pub trait Process: Debug + Send + Sync {
     /// Numbers in one sample of the input stream; 0 for a process driven by time alone.
     fn input_dim(&self) -> usize;
 
-    /// What extends the samples before they are used; without it they are used as they come.
+    /// The preparation that extends the samples before use. If `None`, they are used unchanged.
     fn preparation(&self) -> Option<Box<dyn Preparation>> {
         None
     }
@@ -207,16 +207,16 @@ pub trait Process: Debug + Send + Sync {
     /// `x`: the process's blocks only, in the canonical chart.
     fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition);
 
-    /// Both for one step, to the bit: first [`Process::linearise`], then [`Process::propagate`]. For
-    /// processes whose two have much in common.
+    /// Both for one step, with the same bits: first [`Process::linearise`], then [`Process::propagate`]. A process
+    /// overrides it if the two have much in common.
     fn step(&self, x: &mut [f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
         self.linearise(x, input, dt, out);
         self.propagate(x, input, dt);
     }
 
-    /// By how much each number of an input sample may change from one sample to the next without being
-    /// suspect, in the units of the sample; a sample beyond it waits for others before it is believed.
-    /// Empty where nothing is known, infinite for a number that may change freely.
+    /// How much each number of an input sample may change from one sample to the next without being
+    /// suspect, in the units of the sample. A sample beyond this change waits for further samples to confirm it.
+    /// Empty if no limit is known, infinite for a number that may change freely.
     fn agility(&self) -> &[f64] {
         &[]
     }
@@ -230,7 +230,7 @@ pub trait Process: Debug + Send + Sync {
     /// Moves the process's blocks of `x` through a part of a gap in the input, along the most likely path after the
     /// `motion` at the beginning of the gap. Writes Φ of that step to `out`, and as noise the changes of motion that
     /// the vehicle may have made. Writes to `sample` the input that belongs to this path: the signals are evaluated
-    /// with it. False, with nothing changed, where the process cannot do without input.
+    /// with it. Returns false, with nothing changed, if the process cannot move without input.
     fn coast(&self, x: &mut [f64], gap: &Gap, motion: &[f64], sample: &mut [f64], out: &mut Transition) -> bool {
         let _ = (x, gap, motion, sample, out);
         false
@@ -331,8 +331,8 @@ impl SignalBuffer {
         process.signals(x, input, &mut SignalsOut::new(&mut self.values, jacobian));
     }
 
-    /// J P Kᵀ, J and K the derivatives of the three axes of `of` and of `with`: of each the first axis, and
-    /// whether it is one of the signals, as evaluated last with Jacobian, or of the state itself.
+    /// J P Kᵀ, with J and K the derivatives of the three axes of `of` and of `with`. Each is given by its first axis,
+    /// and true for a signal, as last evaluated with its Jacobian, or false for the state itself.
     #[must_use]
     pub fn covariance(&self, of: (usize, bool), with: (usize, bool), p: &Covariance) -> Matrix3<f64> {
         Matrix3::from_fn(|i, j| {

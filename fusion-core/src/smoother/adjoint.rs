@@ -1,4 +1,4 @@
-//! The adjoint: what later data say.
+//! The adjoint: the information in later data.
 
 use super::link::Link;
 use super::record::Kept;
@@ -18,7 +18,7 @@ pub(super) struct Adjoint {
     ld: usize,
     pub(super) vector: Vec<f64>,
     pub(super) matrix: Vec<f64>,
-    /// Whether nothing is known of later data.
+    /// Whether there are no later data.
     is_zero: bool,
     moved: Vec<f64>,
     turned: Vec<f64>,
@@ -34,7 +34,7 @@ impl Memory for Adjoint {
 }
 
 impl Adjoint {
-    /// That of the end of the data, in `n` dimensions.
+    /// The adjoint at the end of the data, in `n` dimensions.
     pub(super) fn new(n: usize) -> Self {
         let ld = padded(n);
         Self {
@@ -49,7 +49,7 @@ impl Adjoint {
         }
     }
 
-    /// Back to that of the end of the data.
+    /// Resets it to the adjoint at the end of the data.
     pub(super) fn forget(&mut self) {
         self.vector.fill(0.0);
         self.matrix.fill(0.0);
@@ -97,7 +97,7 @@ impl Adjoint {
         symmetrise(&mut self.matrix, n, ld);
     }
 
-    /// Adds what `link` says, `head` = M being what carries errors to its beginning.
+    /// Adds the information in `link`; `head` = M carries errors to the beginning of `link`.
     pub(super) fn add_at_end(&mut self, head: &[f64], link: &Link) {
         let (n, ld) = (self.n, self.ld);
         for (h, r) in link.learnt() {
@@ -116,7 +116,7 @@ impl Adjoint {
     }
 }
 
-/// Moves what a filter left at an instant to what later data say of it.
+/// Corrects a filter's belief at an instant with the adjoint of later data.
 #[derive(Clone, Debug)]
 pub(super) struct Corrector {
     layout: Arc<Layout>,
@@ -145,7 +145,7 @@ impl Memory for Corrector {
 }
 
 impl Corrector {
-    /// Of a filter of these parts.
+    /// For a filter with these parts.
     pub(super) fn new(layout: Arc<Layout>, parts: &Parts) -> Self {
         let n = layout.dim();
         let ld = padded(n);

@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 /// Smooths by all data of a log.
 ///
-/// It hears the filter in order: starts, steps, and the beliefs that are to be smoothed. What it keeps
-/// goes to a [`Tape`], so that its own memory does not grow with the log.
+/// It receives the filter's events in order: starts, steps, and the beliefs that are to be smoothed. It keeps its
+/// records on a [`Tape`], so that its own memory does not grow with the log.
 #[derive(Debug)]
 pub struct FixedInterval {
     corrector: Corrector,
@@ -23,7 +23,7 @@ pub struct FixedInterval {
 }
 
 impl FixedInterval {
-    /// For beliefs of `layout` of a filter of these parts.
+    /// For beliefs of `layout`, from a filter with these parts.
     #[must_use]
     pub fn new(layout: Arc<Layout>, parts: &Parts, tape: Tape) -> Self {
         Self {
@@ -35,7 +35,7 @@ impl FixedInterval {
         }
     }
 
-    /// The filter starts from `belief`, perhaps anew: nothing that comes says anything of what was before.
+    /// The filter starts or restarts from `belief`: later data contain no information about the time before.
     ///
     /// # Errors
     /// Where the record cannot be kept.
@@ -121,7 +121,7 @@ pub struct Smoothed {
 }
 
 impl Smoothed {
-    /// The next one; none at the end.
+    /// The next belief; `None` at the end.
     ///
     /// # Errors
     /// Where it cannot be read back.

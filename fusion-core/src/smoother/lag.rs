@@ -1,10 +1,10 @@
 //! Data up to a time after the estimate.
 //!
-//! What lies between an estimate and its last datum is a window that slides over the log. It is summed up
-//! from two parts that meet at a seam: from each estimate up to the seam backwards, once, and from the
-//! seam on forwards, as data come. When the window of no estimate reaches back over the seam any more,
-//! the seam moves to the end of what has come. So every step is gone through twice, however long the
-//! lag, and what is kept is that of two lags.
+//! The window from an estimate to its last datum slides over the log. The sum over a window has two parts that
+//! meet at a seam. The part from the estimate to the seam is summed backwards, once. The part after the seam is
+//! summed forwards, as data arrive. When no window reaches back over the seam any more,
+//! the seam moves to the newest data. So every step is processed twice, for any
+//! lag, and the memory holds the data of two lags.
 
 use super::adjoint::{Adjoint, Corrector, identity};
 use super::link::Link;
@@ -18,9 +18,9 @@ use crate::time::Time;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Smooths each belief by the data up to a fixed time after it: what follows it by no more.
+/// Smooths each belief by the data up to a fixed time after it.
 ///
-/// It hears the filter in order, and tells smoothed beliefs in order as soon as it can.
+/// It receives the filter's events in order, and gives smoothed beliefs in order as soon as it can.
 #[derive(Debug)]
 pub struct FixedLag {
     corrector: Corrector,
@@ -30,9 +30,9 @@ pub struct FixedLag {
     closed: VecDeque<Closed>,
     /// After the seam.
     open: Vec<Open>,
-    /// When the first thing after the seam was.
+    /// The time of the first step or belief after the seam.
     seam: Option<Time>,
-    /// M of all steps after the seam, and what they say there.
+    /// M of all steps after the seam, and their adjoint at the seam.
     head: Vec<f64>,
     ahead: Adjoint,
     moved: Vec<f64>,
@@ -44,7 +44,7 @@ pub struct FixedLag {
 #[derive(Debug)]
 struct Closed {
     kept: Kept,
-    /// What the steps up to the seam say of it, and their Mᵀ.
+    /// The adjoint of the steps up to the seam, and their Mᵀ.
     adjoint: Adjoint,
     transposed: Vec<f64>,
 }
@@ -107,7 +107,7 @@ impl Memory for Open {
 }
 
 impl FixedLag {
-    /// For beliefs of `layout` of a filter of these parts; `lag` in nanoseconds.
+    /// For beliefs of `layout`, from a filter with these parts; `lag` in nanoseconds.
     #[must_use]
     pub fn new(layout: Arc<Layout>, parts: &Parts, lag: i64) -> Self {
         let n = layout.dim();
@@ -126,7 +126,7 @@ impl FixedLag {
         }
     }
 
-    /// The filter starts from `belief`, perhaps anew: nothing that comes says anything of what was before.
+    /// The filter starts or restarts from `belief`: later data contain no information about the time before.
     ///
     /// # Errors
     /// The first that `tell` returns.
@@ -136,7 +136,7 @@ impl FixedLag {
         Ok(())
     }
 
-    /// The log ends: tells the beliefs that wait for more data.
+    /// The log ends: passes the beliefs that wait for more data to `tell`.
     ///
     /// # Errors
     /// The first that `tell` returns.
@@ -176,7 +176,7 @@ impl FixedLag {
         self.open.push(Open::Kept(kept));
     }
 
-    /// Tells the beliefs before the seam to which data valid at `time` say nothing more.
+    /// Passes the beliefs before the seam whose lag ends before `time` to `tell`.
     fn release(&mut self, time: Time, tell: &mut dyn FnMut(&Belief) -> Result<(), Halt>) -> Result<(), Halt> {
         while let Some(mut closed) = self.closed.pop_front_if(|c| c.kept.time.shifted(self.lag) < time) {
             closed.adjoint.add(&closed.transposed, &self.ahead);
@@ -186,7 +186,7 @@ impl FixedLag {
         Ok(())
     }
 
-    /// Moves the seam to the end of what has come; no belief waits before it.
+    /// Moves the seam to the newest data. No belief may wait before the seam.
     fn close(&mut self) {
         let n = self.corrector.layout().dim();
         let ld = padded(n);

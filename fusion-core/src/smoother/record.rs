@@ -1,4 +1,4 @@
-//! What is kept of a run, as bytes.
+//! The records that smoothing keeps of a run, as bytes.
 
 use crate::covariance::{Covariance, Form, FormKind};
 use crate::model::LastInput;
@@ -7,19 +7,19 @@ use crate::time::Time;
 use std::sync::Arc;
 use thiserror::Error;
 
-/// A record is not what was written.
+/// A record differs from the record that was written.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[error("the steps that were kept for smoothing cannot be read back: they have been changed")]
 pub struct Unreadable;
 
-/// What a record is.
+/// The kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// A filter starts: what comes before is another piece.
+    /// A filter starts: earlier records belong to another piece.
     Start,
     /// A step.
     Link,
-    /// An estimate that is asked for.
+    /// A requested estimate.
     Estimate,
 }
 
@@ -109,7 +109,7 @@ pub(super) struct Kept {
 crate::memory!(Kept { time, x, p, input });
 
 impl Kept {
-    /// Whether it is one of `n` dimensions, its state of `storage` numbers.
+    /// Whether it has `n` dimensions and a state of `storage` numbers.
     pub(super) fn fits(&self, n: usize, storage: usize) -> bool {
         (self.x.len(), self.p.len()) == (storage, n * (n + 1) / 2)
     }
@@ -150,7 +150,7 @@ impl Kept {
         put::numbers(out, &[self.input.interval]);
     }
 
-    /// Becomes what was written, of `n` dimensions.
+    /// Reads a written record, with `n` dimensions, into `self`.
     pub(super) fn read(&mut self, from: &mut Reader<'_>, n: usize) -> Result<(), Unreadable> {
         self.time = from.time()?;
         let storage = from.count()?;
@@ -163,7 +163,7 @@ impl Kept {
     }
 }
 
-/// The form in which smoothed covariances are told: whole, whatever the filter's.
+/// The form of smoothed covariances: always whole, for every form of the filter.
 pub(super) fn form() -> Arc<dyn Form> {
     FormKind::Joseph.form()
 }

@@ -1,9 +1,9 @@
-//! Records one behind the other, read back from the end.
+//! Records in a sequence, read back from the end.
 
 use super::record::Unreadable;
 use crate::runner::Halt;
 
-/// Bytes of a block: some hundred steps; what is read from a disk at once.
+/// Bytes of a block: some hundred steps, read from a disk at once.
 const BLOCK: usize = 1 << 20;
 
 /// The bytes behind a record that hold its length.
@@ -17,7 +17,7 @@ pub trait Shelf: core::fmt::Debug + Send {
     /// Where it cannot be kept.
     fn put(&mut self, block: &[u8]) -> Result<(), Halt>;
 
-    /// Takes the top block into `block`, in place of what is there; false where there is none.
+    /// Removes the top block and puts it in place of the contents of `block`. Returns false if no block is left.
     ///
     /// # Errors
     /// Where it cannot be read back.
@@ -71,7 +71,7 @@ impl Tape {
         Ok(())
     }
 
-    /// Takes the last record into `record`, in place of what is there; false where there is none.
+    /// Removes the last record and puts it in place of the contents of `record`. Returns false if no record is left.
     ///
     /// # Errors
     /// Where the shelf cannot give a block back.

@@ -24,7 +24,7 @@ fn tape() -> Tape {
     Tape::new(Box::new(Vec::new()))
 }
 
-/// Believes what it is offered, every so many-th time against the estimate.
+/// Accepts every measurement; every n-th one re-acquires, against the estimate.
 #[derive(Clone, Debug)]
 struct Believing(u32, u32);
 
@@ -48,7 +48,7 @@ impl Gate for Believing {
     fn power(&self, _: &GateInput<'_>, _: &mut [f64]) {}
 }
 
-/// What a run consists of.
+/// An event of a run.
 #[derive(Clone, Debug)]
 enum Told {
     Start(Belief),
@@ -178,7 +178,7 @@ fn dense(b: &Belief) -> DMatrix<f64> {
     DMatrix::from_row_slice(n, n, &b.covariance.to_dense())
 }
 
-/// Asserts that the same is believed, to `tolerance` of each number's own σ and of 1.
+/// Asserts that the beliefs agree: states to `tolerance` of their size and of 1, covariances likewise.
 fn same(a: &[Belief], b: &[Belief], tolerance: f64) {
     assert_eq!(a.len(), b.len());
     for (a, b) in a.iter().zip(b) {
@@ -195,7 +195,7 @@ fn same(a: &[Belief], b: &[Belief], tolerance: f64) {
     }
 }
 
-/// The recursion of Rauch, Tung and Striebel over one piece, as it is printed; P⁻ is inverted where it
+/// The recursion of Rauch, Tung and Striebel over one piece, as published; P⁻ is inverted where it
 /// has an inverse.
 fn rauch_tung_striebel(told: &[Told]) -> Vec<Belief> {
     let (mut later, mut all) = (None::<(DVector<f64>, DMatrix<f64>)>, Vec::new());
@@ -245,7 +245,7 @@ fn it_gives_what_the_recursion_of_rauch_tung_and_striebel_gives() {
     let found = interval(&layout, &plain(), &told);
     // 1e-9: a pseudo-inverse of condition 1e4, sixty times.
     same(&found, &rauch_tung_striebel(&told), 1e-9);
-    // What is known stays known, and what comes later helps.
+    // The exactly known state stays unchanged, and later data reduce the other variances.
     let variance = |b: &Belief, k: usize| b.covariance.element(k, k);
     assert!(found.iter().all(|b| b.x[3].to_bits() == 3_f64.to_bits() && variance(b, 3) == 0.0));
     let Told::Estimate(first) = &told[1] else { panic!() };
@@ -388,7 +388,7 @@ fn a_random_walk_in_the_middle_of_a_log_has_the_variance_0_0499376() {
     ] {
         assert!((found.covariance.element(0, 0) - 0.049_937_6).abs() < 5e-8);
     }
-    // With a lag of nothing it is the filter's own.
+    // With a lag of 0 it is the filter's own covariance.
     let own = &lagged(&layout, &told, 0)[398];
     assert!((own.covariance.element(0, 0) - 0.095_124_9).abs() < 5e-8);
 }
@@ -479,7 +479,7 @@ fn what_corrections_say_of_the_instant_before_them_is_what_they_did_in_every_bac
         // The last estimate has no later data: bit for bit the filter's.
         let last = f.belief();
         assert_eq!((&found[2].x, found[2].covariance.to_dense()), (&last.x, last.covariance.to_dense()));
-        // Two corrections in one are as good as both, but for terms of second order.
+        // Two corrections at once agree with both in turn, except for terms of second order.
         let (mut apart, mut moved) = ([0.0; 9], [0.0; 9]);
         layout.minus(&found[0].x, &last.x, &mut apart);
         layout.minus(&start.x, &last.x, &mut moved);
@@ -623,7 +623,7 @@ fn records_that_were_changed_are_told() {
         (0..3000).for_each(|_| tape.push(&[7; 500]).unwrap());
         let mut record = Vec::new();
         let found = (0..3001).find_map(|_| tape.pop(&mut record).err());
-        // What is left of a length may be another length: then the records are not what was written.
+        // A truncated length may be another valid length: the records then differ from the written ones.
         let is_told = found.is_some_and(|e| e.downcast_ref() == Some(&Unreadable)) || lost > 4;
         assert!(is_told, "{lost}");
     }

@@ -7,7 +7,7 @@ use crate::model::LastInput;
 use crate::time::Time;
 use std::sync::Arc;
 
-/// What the filter believes at one instant. Clone it to save it, assign it to restore it.
+/// The filter's estimate at one instant. Clone it to save it, assign it to restore it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Belief {
     /// The instant it is valid at.
@@ -16,7 +16,7 @@ pub struct Belief {
     pub x: Vec<f64>,
     /// Covariance of the error true ⊟ nominal in the canonical chart.
     pub covariance: Covariance,
-    /// The process input that led to it: what the process derives, such as its attitude, is derived from both.
+    /// The process input that led to it. The process derives its signals, such as its attitude, from state and input.
     pub input: LastInput,
 }
 

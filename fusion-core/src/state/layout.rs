@@ -28,10 +28,10 @@ pub enum Dynamics {
     },
 }
 
-/// What a block is for.
+/// The purpose of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StateRole {
-    /// The motion: what the process moves.
+    /// The motion: the process moves this block.
     Kinematic,
     /// A property of the equipment or the surroundings that the filter estimates: a bias, a lever
     /// arm, the level of the sea.
@@ -52,7 +52,7 @@ pub struct Block {
     pub storage: usize,
     /// Offset in the tangent space, i.e. in the covariance.
     pub tangent: usize,
-    /// What it is for.
+    /// Its purpose.
     pub role: StateRole,
     /// Its own dynamics.
     pub dynamics: Dynamics,
@@ -100,7 +100,7 @@ pub struct Declaration<V> {
     pub initial: V,
     /// Initial 1σ per tangent axis.
     pub sigma: Vec<f64>,
-    /// What it is for.
+    /// Its purpose.
     pub role: StateRole,
     /// Its own dynamics.
     pub dynamics: Dynamics,
@@ -110,14 +110,14 @@ pub struct Declaration<V> {
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LayoutError {
-    /// Two blocks or signals of one name.
+    /// Two blocks or signals with the same name.
     #[error("`{name}` is declared by both `{first}` and `{second}`; give one of them another name")]
     Duplicate {
         /// The name.
         name: String,
-        /// Who brought it first.
+        /// The first owner.
         first: String,
-        /// Who brought it again.
+        /// The second owner.
         second: String,
     },
     /// A model needs a quantity that does not exist.
@@ -125,10 +125,10 @@ pub enum LayoutError {
     Missing {
         /// The name asked for.
         name: String,
-        /// What there is.
+        /// The available names.
         available: String,
     },
-    /// The quantity is there but of another kind.
+    /// The quantity exists but has another kind.
     #[error("`{name}` is {found}, and {wanted} is needed")]
     WrongKind {
         /// The name asked for.
@@ -143,7 +143,7 @@ pub enum LayoutError {
     BadDeclaration {
         /// The block.
         name: String,
-        /// What is wrong.
+        /// The reason.
         reason: String,
     },
 }
@@ -309,7 +309,7 @@ fn wrong_kind(name: &str, found: Kind, wanted: Kind) -> LayoutError {
 
 /// Collects declarations; [`LayoutBuilder::finish`] makes the layout.
 ///
-/// Handles are valid as soon as they are given out: blocks are laid out in order of declaration.
+/// Handles are valid as soon as they are returned: blocks are laid out in order of declaration.
 #[derive(Clone, Debug, Default)]
 pub struct LayoutBuilder {
     layout: Layout,
@@ -322,7 +322,7 @@ impl LayoutBuilder {
         Self::default()
     }
 
-    /// What has been declared so far.
+    /// The layout declared so far.
     #[must_use]
     pub const fn so_far(&self) -> &Layout {
         &self.layout

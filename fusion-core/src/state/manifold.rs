@@ -1,7 +1,7 @@
 //! The kinds of state block: storage, tangent space, ⊞ and ⊟.
 //!
 //! The tangent coordinates below are the *canonical chart*: every model gives its Jacobians in
-//! them, whatever backend runs.
+//! them, for every backend.
 //!
 //! | kind | storage | tangent | x ⊞ δ |
 //! |---|---|---|---|
@@ -22,7 +22,7 @@ const FARTHEST: f64 = 1e9;
 /// The velocity of light \[m/s\].
 const LIGHT: f64 = 299_792_458.0;
 
-/// The run-time name of a manifold; what the estimator knows of a block.
+/// The run-time name of a manifold, by which the estimator treats a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Geodetic position with its error in metres north, east, down.
@@ -63,7 +63,7 @@ impl Kind {
     }
 
     /// Whether `x` in storage can be a value: finite, a position within 10⁹ m of the earth and a
-    /// latitude no further than a pole, a velocity below that of light, a quaternion of length one.
+    /// latitude no further than a pole, a velocity below the velocity of light, a quaternion of length one.
     #[must_use]
     pub fn is_sane(self, x: &[f64]) -> bool {
         let is_below = x.iter().enumerate().all(|(k, v)| v.abs() <= self.limit(k));
@@ -129,7 +129,7 @@ pub(super) fn is_rotation(q: &[f64]) -> bool {
 
 pub use so3::wrap_angle as wrap;
 
-/// A kind of block at compile time: what a [`crate::Slot`] is typed by.
+/// A kind of block at compile time: the type parameter of a [`crate::Slot`].
 pub trait Manifold: Sized + 'static {
     /// The value a model reads.
     type Value: Clone + core::fmt::Debug + Send + Sync;

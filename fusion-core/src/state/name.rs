@@ -4,9 +4,9 @@ use core::{fmt, marker::PhantomData};
 
 /// The name of a state or signal, and the manifold `M` of its values.
 ///
-/// A constant of this type is the one place where a well-known name is written; whoever asks a
-/// [`Layout`](super::Layout) by it gets a handle of its type. A plain text is a name of whatever
-/// manifold is wanted.
+/// A well-known name is written in one place only, as a constant of this type. A
+/// [`Layout`](super::Layout) returns a handle of the right type for it. A plain text is a name for any
+/// manifold.
 ///
 /// ```
 /// use fusion_core::state::{Layout, QuantityName, Velocity};

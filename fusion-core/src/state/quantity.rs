@@ -1,8 +1,8 @@
-//! Typed handles: what a model holds instead of indices.
+//! Typed handles, which a model holds instead of indices.
 //!
-//! A model asks for a [`Quantity`] and never learns where it lives. It may be *fixed* by the
+//! A model asks for a [`Quantity`] and does not know where it is stored. It may be *fixed* by the
 //! configuration, an *estimated* block of the state, or a *signal* that the process derives from
-//! state and input (the bias-corrected angular rate, say). Its Jacobian goes the same way: a
+//! state and input (the bias-corrected angular rate, for example). Its Jacobian follows: a
 //! no-op for a fixed quantity, a block of H for a state, the chain rule for a signal.
 
 use super::manifold::Manifold;

@@ -1,7 +1,7 @@
 //! Belief and layout as data for other programs, by serde.
 //!
-//! A covariance is written as the matrix P that it stands for, and the name of its form. Stored again in a
-//! factored form it is the same up to rounding: what has to go on bit for bit is a checkpoint's
+//! A covariance is written as the matrix P, with the name of its form. Stored again in a
+//! factored form, it is the same up to rounding. A run that must continue bit for bit needs a checkpoint
 //! ([`memory`](crate::memory)). The input that led to the belief is not written.
 
 use super::{Belief, Block, Kind, Layout, StateRole};

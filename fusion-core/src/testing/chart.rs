@@ -35,11 +35,10 @@ pub fn check_kind(kind: Kind, x: &[f64], delta: &[f64]) -> Result<(), String> {
 }
 
 /// The laws of a chart at `x`, for the correction `delta`: T(x) is the derivative of its retraction;
-/// the plain reset is T(x⁺)T(x⁻)⁻¹; the full reset is the derivative of what the correction leads to;
+/// the plain reset is T(x⁺)T(x⁻)⁻¹; the full reset is the derivative of the corrected state;
 /// the difference undoes the correction.
 ///
-/// Charts whose own coordinates outnumber the canonical ones have no square T: [`check_reset`] holds
-/// what they can be held to.
+/// A chart with more coordinates than the canonical chart has no square T: use [`check_reset`] for it.
 ///
 /// # Errors
 /// A sentence naming the block.
@@ -68,8 +67,8 @@ pub fn check_chart(layout: &Layout, chart: &dyn Chart, x: &[f64], delta: &[f64])
     Ok(())
 }
 
-/// The full reset of the correction `delta` is the derivative of what the correction leads to: what moves
-/// x⁻ by δ + η moves x⁺ by J η. And the difference undoes the correction.
+/// The full reset of the correction `delta` is the derivative of the corrected state: a correction of
+/// x⁻ by δ + η moves x⁺ by J η. The difference also undoes the correction.
 ///
 /// # Errors
 /// A sentence naming the block.
@@ -94,7 +93,7 @@ pub fn check_reset(layout: &Layout, chart: &dyn Chart, x: &[f64], delta: &[f64])
         for (i, numeric) in numeric.iter().enumerate() {
             let analytic = reset.get(i, j);
             // 1e-7: h²/6 of a third derivative of up to 10 for h = 1e-4, rounding ε/h = 2e-12, of numbers as
-            // large as those of the row; 1e-5 of the scale of metres, which changes over the way.
+            // large as in the row; 1e-5 of the scale of metres, which changes over the way.
             let relative = if is_geodetic(layout, i) { 1e-5 } else { 1e-7 };
             if !within(numeric - analytic, relative * size(&reset, i, n)) {
                 let name = name_of(layout, i);

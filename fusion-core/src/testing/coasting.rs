@@ -1,4 +1,4 @@
-//! Laws of processes that go on without input.
+//! Laws of processes that continue without input.
 
 use super::numeric::finite;
 use super::process::{check_noise, check_steps, check_transition};
@@ -6,7 +6,7 @@ use crate::linear::Transition;
 use crate::model::{Gap, Input, Process, SignalBuffer};
 use crate::state::Layout;
 
-/// The coasting of a process as a process of its own.
+/// The coasting of a process, as a separate process.
 #[derive(Debug)]
 struct Coasting<'a> {
     process: &'a dyn Process,
@@ -42,9 +42,8 @@ impl Process for Coasting<'_> {
 /// A motion at the beginning of the gap, in the numbers of [`Process::motion`].
 const MOTION: [f64; 8] = [0.3, -0.2, 0.5, 1.0, -2.0, 0.7, 0.4, -0.6];
 
-/// A process that coasts moves, at the beginning of a gap and after ten seconds, as the law of processes
-/// asks of one with input; its noise grows with the gap, no axis without; and the input under which it
-/// says it goes on does move it so.
+/// At the beginning of a gap and after ten seconds, coasting obeys the law of processes with input. Its noise grows
+/// with the gap, on the same axes. And the input that it reports moves the process in the same way.
 ///
 /// # Errors
 /// A sentence naming the blocks.
@@ -78,7 +77,7 @@ pub fn check_coasting(layout: &Layout, process: &dyn Process, x: &[f64], dt: f64
     layout.minus(&driven, &coasted, &mut apart);
     layout.minus(&coasted, x, &mut moved);
     let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
-    // The input is that at the end of the step: of second order in dt. By then gravity has turned, ½g|w| = 3, and the
+    // The input belongs to the end of the step: second order in dt. By then gravity has turned, ½g|w| = 3, and the
     // force, ½|w||f| = 0.7, and it has faded, ½|f|/τ = 1.2 for a second. 1e-9: rounding of a position.
     let limit = (6.0 + norm(&moved)) * dt * dt + 1e-9;
     if norm(&apart) > limit {
@@ -90,7 +89,7 @@ pub fn check_coasting(layout: &Layout, process: &dyn Process, x: &[f64], dt: f64
     check_growth(layout, process, x, dt)
 }
 
-/// The noise of a long part of a gap is larger than that of a short one, on the same axes.
+/// The noise of a long part of a gap is larger than the noise of a short part, on the same axes.
 fn check_growth(layout: &Layout, process: &dyn Process, x: &[f64], dt: f64) -> Result<(), String> {
     let diagonal = |to: f64| {
         let mut t = Transition::new(layout);

@@ -63,8 +63,8 @@ fn close(what: &str, form: &dyn Form, found: &Covariance, wanted: &DMatrix<f64>,
 
 /// A form of the covariance of `n` states does what dense algebra does: blocks, scaling, prediction
 /// with noise before and after Φ, congruence, projection, conditioning, also where P, Q and R are
-/// singular; a prediction that would overflow leaves it as it was, and a P that is no covariance is
-/// told.
+/// singular. A prediction that would overflow leaves P unchanged, and a P that is no covariance is
+/// reported.
 ///
 /// # Errors
 /// A sentence naming the operation.
@@ -155,7 +155,7 @@ fn transition(layout: &Layout, slots: &[Slot<Scalar>], random: &mut Lcg) -> (Tra
         after[(i, i)] += 0.5 * q;
     }
     if n > 1 {
-        // Small beside the diagonal: Q stays positive.
+        // Small compared with the diagonal: Q stays positive.
         t.noise(slots[0], slots[n - 1], &Matrix1::new(0.01));
         after[(0, n - 1)] += 0.01;
         after[(n - 1, 0)] += 0.01;
@@ -169,7 +169,7 @@ fn overflow(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], p: &D
     for (element, noise) in [(1e160, 0.0), (f64::NAN, 0.0), (0.5, f64::INFINITY), (0.5, -1e6)] {
         let mut t = Transition::new(layout);
         t.set(slots[0], last, &Matrix1::new(element));
-        // Twice the same element, of a row that is not the first: what it held first must come back.
+        // The same element twice, in a row that is not the first: its original value must come back.
         let middle = slots[slots.len() / 2];
         t.noise_trapezoid(middle, middle, &Matrix1::new(0.4));
         t.noise_trapezoid(middle, middle, &Matrix1::new(1.0 / 3.0));
@@ -186,7 +186,7 @@ fn overflow(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], p: &D
     Ok(())
 }
 
-/// A covariance that is none, as rounding might leave it: it is told, and not moved on.
+/// An invalid covariance with a negative variance, as rounding might leave it, is reported and not predicted.
 fn negative(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], p: &DMatrix<f64>) -> Result<(), String> {
     let last = slots.len() - 1;
     let mut c = covariance(form, p);
@@ -203,8 +203,8 @@ fn negative(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], p: &D
     Ok(())
 }
 
-/// A P of which no variance is negative and yet it is no covariance is told; one that is singular is
-/// not.
+/// A P that is no covariance although no variance is negative is reported; a singular P is
+/// accepted.
 fn indefinite(form: &Arc<dyn Form>, n: usize) -> Result<(), String> {
     let w = &mut Workspace::new(form.as_ref(), n, 1);
     let correlated = |by: f64| {
@@ -226,7 +226,7 @@ fn indefinite(form: &Arc<dyn Form>, n: usize) -> Result<(), String> {
 /// Prediction and conditioning where P, Q and R have less than full rank.
 fn singular(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], random: &mut Lcg) -> Result<(), String> {
     let n = slots.len();
-    // Of rank one and two: what is left of a factorisation is rounding.
+    // Rank one and two: only rounding is left after a factorisation.
     let g = DMatrix::from_fn(n, 2, |_, _| random.signed());
     let p = &g * g.transpose();
     let mut t = Transition::new(layout);
@@ -238,8 +238,8 @@ fn singular(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], rando
     if !c.predict(&t, &mut Workspace::new(form.as_ref(), n, 1)) {
         return Err(format!("{}: a singular noise is refused", form.name()));
     }
-    // 1e-7: a form that factors may take a pivot for rounding, 1e-14 of a variance; an element beside
-    // it is up to the root of that.
+    // 1e-7: a form that factors may treat a pivot of 1e-14 of a variance as rounding. An element next to
+    // it is up to the square root of that.
     close("a prediction of singular P and Q", form.as_ref(), &c, &(p + q), 1e-7)?;
     let p = positive(n, random);
     let (mut c, mut w, mut h) = (covariance(form, &p), Workspace::new(form.as_ref(), n, 1), Jacobian::new(layout, 1));
@@ -343,10 +343,10 @@ impl Measurement for Linear {
 }
 
 /// An update rule is exact for a linear measurement, with every form: x + K r and (I − KH)P with
-/// K = PHᵀS⁻¹, to 1e-11 of their size, and the residual, NIS and S that it reports are those of the prediction.
+/// K = PHᵀS⁻¹, to 1e-11 of their size. It reports the residual, NIS and S of the prediction.
 ///
 /// # Errors
-/// A sentence naming what is off.
+/// A sentence naming the result that is wrong.
 pub fn check_update_rule(rule: &Arc<dyn UpdateRule>) -> Result<(), String> {
     let kinds = [FormKind::Joseph, FormKind::Standard, FormKind::Udu, FormKind::SquareRoot];
     let sizes = [(1, 1), (4, 2), (15, 3)];

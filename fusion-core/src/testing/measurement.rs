@@ -5,10 +5,9 @@ use crate::linear::Jacobian;
 use crate::model::{Input, Measurement, Process, SignalBuffer, Size};
 use crate::state::{Layout, View};
 
-/// h is finite, its Jacobian is that of central differences through the layout's ⊞ (with the
-/// signals of `process` evaluated anew at every point), perturb undoes residual, and signals are read only where
-/// that is said. Parts say what their rows of
-/// the whole say, and obey the same laws.
+/// h is finite, and its Jacobian agrees with central differences through the layout's ⊞ (with the
+/// signals of `process` evaluated at every point). perturb is the inverse of residual. A model reads signals only
+/// if it declares so. Parts agree with their rows of the whole, and obey the same laws.
 ///
 /// # Errors
 /// A sentence naming the block, row and axis; also where the model is undefined at `x`.
@@ -84,7 +83,7 @@ pub fn check_measurement(
     round_trip(model, &z, m)
 }
 
-/// A model that reads no signals predicts `z` whatever they are.
+/// A model that reads no signals predicts `z` for any signals.
 fn unread_signals(layout: &Layout, model: &dyn Measurement, x: &[f64], z: &[f64]) -> Result<(), String> {
     if model.reads_signals() {
         return Ok(());
@@ -99,8 +98,8 @@ fn unread_signals(layout: &Layout, model: &dyn Measurement, x: &[f64], z: &[f64]
     }
 }
 
-/// What an ulp of each number of z amounts to in the residual: 3e-9 m for a longitude. At least
-/// ε, for direction cosines round on the way.
+/// The change of the residual for one ulp of each number of z: 3e-9 m for a longitude. At least
+/// ε, because direction cosines round in between.
 fn rounding(model: &dyn Measurement, z: &[f64], m: usize) -> f64 {
     let (mut moved, mut r, mut noise) = (z.to_vec(), vec![0.0; m], f64::EPSILON);
     for k in 0..z.len() {

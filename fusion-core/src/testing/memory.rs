@@ -2,14 +2,14 @@
 
 use crate::memory::{Memory, restore, save};
 
-/// Of so many bytes every length is cut off; of more every 97th, and the last so many.
+/// Every truncated length below this number is tried, every 97th length above it, and each of the last 256.
 const WHOLE: usize = 256;
 
-/// What `original` remembers is restored into `twin`, which was built in the same way, so that it
-/// remembers the same, byte for byte. Before that, every beginning of those bytes alone, and more than
-/// they are, is refused and leaves `twin` as it was.
+/// Restores the memory of `original` into `twin`, which was built in the same way. Then `twin` must
+/// have the same memory, byte for byte. Before that, truncated bytes and one byte too many
+/// must be refused, and must leave `twin` unchanged.
 ///
-/// The rest of the law is the caller's: from here on both do the same, bit for bit.
+/// The caller checks the rest of the law: from here on both do the same, bit for bit.
 ///
 /// # Errors
 /// A sentence with the number of bytes.

@@ -1,14 +1,14 @@
-//! Law suites: what every chart, model, gate and loss has to satisfy, whatever it models.
+//! Law suites: the conditions that every chart, model, gate and loss must satisfy.
 //!
 //! A law is a function that returns `Err` with a sentence naming the block, the element and the
 //! numbers that disagree. A test applies the laws to every registered block; a block added later
 //! is then tested without anyone writing that test.
 //!
 //! Numeric derivatives are central differences at three step sizes, extrapolated in pairs
-//! (Richardson). How the two extrapolations differ bounds their truncation and rounding, and so
-//! what may be asked of the comparison; where that bound is coarse the law fails rather than
-//! pass unseen.
-//! Steps are those of the block's kind: 1 m of position, 0.01 rad of attitude, see [`step`].
+//! (Richardson). The difference of the two extrapolations bounds their truncation and rounding, and so
+//! gives the tolerance of the comparison. If that bound is coarse, the law fails; it does not
+//! pass unnoticed.
+//! The step depends on the block's kind: 1 m of position, 0.01 rad of attitude, see [`step`].
 
 mod chart;
 mod coasting;

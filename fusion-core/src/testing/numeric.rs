@@ -1,4 +1,4 @@
-//! Central differences on a layout, with an estimate of their own error.
+//! Central differences on a layout, with an estimate of their error.
 
 use crate::state::{Block, Kind, Layout};
 
@@ -69,7 +69,7 @@ pub(super) fn column(layout: &Layout, block: &Block, k: usize, x: &[f64], rows: 
 }
 
 /// How far `f` rounds near `x`: second differences over steps so short that a smooth function
-/// has none. Earth-centred coordinates, say, round to 1e-9 m whatever they are the difference of.
+/// has none. For example, Earth-centred coordinates round to 1e-9 m, even in a small difference.
 fn jitter(layout: &Layout, block: &Block, k: usize, x: &[f64], rows: usize, h: f64, f: &mut Function<'_>) -> Result<f64, String> {
     let mut largest = 0.0_f64;
     for short in [1.0e-4, 1.7e-4, 2.3e-4, 3.1e-4, 4.3e-4, 5.9e-4, 7.3e-4, 8.9e-4] {

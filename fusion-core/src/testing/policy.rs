@@ -32,8 +32,8 @@ pub fn check_loss(loss: &dyn Loss) -> Result<(), String> {
     Ok(())
 }
 
-/// A gate fed with residuals in units of √S, in metres of S = 2, HPHᵀ = R = 1. What it lets through
-/// is used, unless the filter is said to fail.
+/// A gate that receives residuals in units of √S, with S = 2 m² and HPHᵀ = R = 1 m². The filter uses all accepted
+/// measurements, unless `fails` is set.
 struct Feed<'a> {
     make: &'a dyn Fn() -> Box<dyn Gate>,
     gate: Box<dyn Gate>,
@@ -90,7 +90,7 @@ impl<'a> Feed<'a> {
         to(self.gate.as_mut(), &input);
     }
 
-    /// The same with another gate, into which what this one remembers is restored.
+    /// A copy with another gate, restored from the memory of this gate.
     fn copy(&mut self) -> Result<Self, String> {
         let mut gate = (self.make)();
         check_memory(self.gate.as_mut(), gate.as_mut())?;
@@ -98,7 +98,7 @@ impl<'a> Feed<'a> {
     }
 }
 
-/// Of a gate that has not been asked.
+/// The answer if the gate was not asked.
 const NO_ANSWER: Answer = Answer {
     decision: Decision::Reject,
     statistic: f64::NAN,
@@ -111,12 +111,16 @@ const ROWS: usize = 20;
 const ZERO: [f64; ROWS] = [0.0; ROWS];
 const ABSURD: [f64; ROWS] = [1e4; ROWS];
 
-/// Of gates as `make` makes them: a gate accepts what agrees and rejects what is absurd; one that is given
-/// the memory of another answers as that one would; what it
-/// says of its power is so; what contradicts itself is never believed; and whatever happened, of a
-/// fast sensor or a slow one, consistent residuals are followed again, also where the filter could
-/// not follow them the first time. A gate that reports an infinite threshold is open and may accept
-/// anything.
+/// The laws of the gates that `make` makes:
+///
+/// - A gate accepts residuals that agree and rejects absurd ones.
+/// - A gate restored from another gate's memory gives the same answers.
+/// - The power that a gate reports is correct.
+/// - A gate never accepts residuals that contradict each other.
+/// - After any history, of a fast or a slow sensor, a gate follows consistent residuals again. This also holds if
+///   the filter could not follow them the first time.
+///
+/// A gate that reports an infinite threshold is open and may accept anything.
 ///
 /// # Errors
 /// A sentence with the circumstances.
@@ -202,8 +206,8 @@ fn copies_agree(make: &dyn Fn() -> Box<dyn Gate>, dim: usize) -> Result<(), Stri
     Ok(())
 }
 
-/// Of each row, an error of 1.001 of the power is refused and one of 0.999 is not; where it is
-/// infinite, an absurd one is not.
+/// For each row, an error of 1.001 times the power is rejected, and an error of 0.999 times the power is not. If the
+/// power is infinite, even an absurd error is not rejected.
 fn power_is_told(feed: &mut Feed<'_>) -> Result<(), String> {
     for (i, smallest) in feed.copy()?.power(1.0).into_iter().enumerate() {
         let mut decide = |sigmas: f64| {

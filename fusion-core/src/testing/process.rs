@@ -7,17 +7,17 @@ use crate::model::{Input, Order, Process, SignalBuffer};
 use crate::state::{Block, Dynamics, Layout};
 use nalgebra::DMatrix;
 
-/// A process is finite, stands still over no time, moves only the blocks whose dynamics are its
-/// own, linearises itself truly, has a symmetric positive noise and true signal Jacobians.
+/// A process gives finite numbers, moves nothing in a step of zero length, and moves only the blocks with its own
+/// dynamics. Its linearisation and its signal Jacobians are correct, its noise symmetric and positive.
 ///
 /// Φ may be a truncated series in dt, so its distance from central differences need not vanish
 /// but must fall faster than dt: over a quarter of the step to less than an eighth. An error of
 /// the generator F falls to a quarter only. Give an `input` whose neighbour equals its sample:
-/// what coning and sculling corrections make of a changing input may be left out of Φ.
+/// Φ may omit the effect of coning and sculling corrections on a changing input.
 ///
-/// A process of [`Order::Second`] has besides all of ½F²Δt². One of [`Order::Exact`] agrees with the
-/// central differences at the step itself, however long. Without input it goes on as
-/// [`check_coasting`] asks.
+/// A process of [`Order::Second`] also includes the whole ½F²Δt². A process of [`Order::Exact`] agrees with the
+/// central differences at the step itself, for any length. Without input a process continues as
+/// [`check_coasting`] requires.
 ///
 /// # Errors
 /// A sentence naming the blocks.
@@ -119,7 +119,7 @@ pub(super) fn check_noise(layout: &Layout, process: &dyn Process, x: &[f64], inp
     }
 }
 
-/// What Φ may be off by at one element, and by how much it is.
+/// At one element of Φ: its error `gap`, and the error `floor` that is tolerated.
 struct Gap {
     gap: f64,
     floor: f64,
@@ -305,7 +305,7 @@ mod tests {
     use crate::state::{Declaration, LayoutBuilder, Scalar, Signal, Slot, StateRole};
     use nalgebra::Matrix1;
 
-    /// What is wrong with a pendulum.
+    /// The fault of a pendulum.
     #[derive(Clone, Copy, Debug, PartialEq)]
     enum Fault {
         None,
@@ -434,7 +434,7 @@ mod tests {
     #[test]
     fn the_derivative_of_the_step_itself_is_asked_of_the_process_that_promises_it() {
         law_of_order(Order::Exact, Fault::None).unwrap();
-        // What is of second order would do for the others.
+        // The other orders allow an error of second order.
         law_of_order(Order::First, Fault::Start).unwrap();
         let message = law_of_order(Order::Exact, Fault::Start).unwrap_err();
         assert!(

@@ -1,4 +1,4 @@
-//! The filter of a run, as the world sees it that it steers.
+//! The filter of a run, as seen by the simulated world that it steers.
 
 use super::{Aboard, Pose};
 use crate::solution::SolutionReader;
@@ -10,7 +10,7 @@ use fusion_core::time::Time;
 pub(crate) struct Carried<'a> {
     pub(crate) runner: &'a mut Runner,
     pub(crate) reader: &'a mut SolutionReader,
-    /// What it has said, for a run that is saved.
+    /// The poses given to the world so far, for a run that is saved.
     pub(crate) said: Option<&'a mut Vec<Option<Pose>>>,
 }
 
@@ -19,7 +19,7 @@ impl Carried<'_> {
         if !self.runner.started() {
             return None;
         }
-        // Where nothing is held back, the belief is what is known.
+        // Without a lag no rows are held back, so the belief is up to date.
         if self.runner.lag() <= 0.0 && self.runner.belief().time >= now {
             return Pose::of(self.reader.read(self.runner.belief()));
         }
@@ -37,7 +37,7 @@ impl Aboard for Carried<'_> {
     }
 }
 
-/// Says again what a filter has said.
+/// Repeats the recorded poses of a filter.
 #[derive(Debug)]
 pub(crate) struct Again<'a>(pub(crate) core::slice::Iter<'a, Option<Pose>>);
 

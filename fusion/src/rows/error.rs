@@ -1,4 +1,4 @@
-//! What is wrong with a source: with its declaration, or with its data.
+//! Errors of a source: of its declaration, or of its data.
 
 use crate::config::{Diagnostic, Node, Place};
 use fusion_models::block::BuildError;
@@ -12,9 +12,9 @@ pub struct DataError {
     pub file: String,
     /// The line, from 1.
     pub line: Option<usize>,
-    /// What is wrong.
+    /// The error.
     pub message: String,
-    /// What to do about it.
+    /// How to correct it.
     pub help: Option<String>,
 }
 

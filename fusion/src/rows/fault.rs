@@ -12,14 +12,14 @@ type Declared = [(String, Box<dyn FaultSpec>)];
 
 /// The faults at work on one stream, recorded or simulated, and what they did to it.
 ///
-/// A row that does not arrive at once, or not alone, waits in it. The chain hears how far the log
-/// has come ([`reach`](Self::reach)) and hands out what is due ([`due`](Self::due)), by arrival.
+/// Delayed and repeated rows wait in the chain. [`reach`](Self::reach) sets how far the log has come, and
+/// [`due`](Self::due) hands out the rows that are due, by arrival.
 #[derive(Debug, Default)]
 pub(crate) struct FaultChain {
     faults: Vec<(String, Box<dyn Fault>)>,
-    /// Of the last row delivered.
+    /// The disturbed numbers of the last row delivered.
     disturbed: Vec<Range<usize>>,
-    /// By arrival; of equal arrivals in order of the source.
+    /// By arrival; rows with equal arrivals keep the order of the source.
     waiting: VecDeque<Waiting>,
     reached: Option<Time>,
     counts: RowCounts,
@@ -33,7 +33,7 @@ struct Waiting {
     disturbed: Vec<Range<usize>>,
 }
 
-/// What the faults make of a row together.
+/// The combined effect of the faults on a row.
 #[derive(Debug, Default)]
 struct Fate {
     /// Added to its stamp \[ns\].
@@ -80,7 +80,7 @@ impl FaultChain {
         })
     }
 
-    /// What the faults make of a row; `None` where one withholds it: those after it do not see it.
+    /// Applies the faults to a row; `None` if a fault withholds it, and later faults then do not see it.
     fn fate(&mut self, time: Time, values: &mut [f64]) -> Option<Fate> {
         self.disturbed.clear();
         let mut fate = Fate::default();
@@ -152,7 +152,7 @@ impl FaultChain {
         self.faults.iter().map(|(_, fault)| fault.columns()).filter(|c| !c.is_empty())
     }
 
-    /// What the faults did, added to the report of the rows that went in.
+    /// The effects of the faults, added to the report of the input rows.
     pub(crate) fn report(&self, before: SourceReport) -> SourceReport {
         let own = self.counts.report();
         SourceReport {
@@ -217,13 +217,13 @@ impl RowStream for Faulted {
         self.faults.disturbable().collect()
     }
 
-    /// Rows, stamps and gaps as delivered; what the source itself left out comes first.
+    /// Rows, stamps and gaps as delivered; rows that the source itself left out come first.
     fn report(&self) -> SourceReport {
         self.faults.report(self.inner.report())
     }
 }
 
-/// When a stream is silent because of its declared outages: of each its windows.
+/// When a stream is silent because of its declared outages: the windows of each outage.
 pub(crate) fn outages(declared: &Declared) -> impl Iterator<Item = &Windows> {
     declared.iter().filter_map(|(_, spec)| spec.outage())
 }
@@ -304,7 +304,7 @@ mod tests {
             (3.0, 2.0),
         ];
         assert_eq!(rows[..8], expected);
-        // What is delivered may be more than what was read.
+        // More rows may be delivered than were read.
         assert_eq!((report.rows, report.used), (10, 14));
     }
 

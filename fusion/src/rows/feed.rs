@@ -1,4 +1,4 @@
-//! What feeds a run.
+//! The source of the rows of a run.
 
 use super::{Row, SourceReport};
 use crate::config::Diagnostics;
@@ -11,17 +11,17 @@ use fusion_models::sim::Record;
 use nalgebra::UnitQuaternion;
 use serde::Serialize;
 
-/// The filter that is fed, as a world sees it that is steered by what its vehicle knows.
+/// The filter, as seen by a simulated world whose vehicle steers by the estimate.
 pub trait Aboard {
-    /// Where the vehicle believes to be `now`, from all rows that have been fed: what is held back is
-    /// used, the rest predicted. None while there is no estimate of both.
+    /// The estimated pose at `now`, from all rows fed so far: held-back rows are used, and the rest is predicted.
+    /// `None` without an estimate of both position and attitude.
     fn pose(&mut self, now: Time) -> Option<Pose>;
 }
 
 /// A place and an attitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pose {
-    /// Of the body origin.
+    /// Position of the body origin.
     pub position: Geodetic,
     /// q_nb.
     pub attitude: UnitQuaternion<f64>,
@@ -30,7 +30,7 @@ pub struct Pose {
 fusion_core::memory!(Pose { position, attitude });
 
 impl Pose {
-    /// That of a solution which has both.
+    /// The pose of a solution that has both position and attitude.
     #[must_use]
     pub fn of(solution: &Solution) -> Option<Self> {
         let ((position, _), (attitude, _)) = solution.position.zip(solution.attitude)?;
@@ -38,7 +38,7 @@ impl Pose {
     }
 }
 
-/// No filter: a vehicle that it is to steer stands still.
+/// No filter: a vehicle without a filter stands still.
 #[derive(Clone, Copy, Debug)]
 pub struct Nobody;
 
@@ -50,18 +50,18 @@ impl Aboard for Nobody {
 
 /// The rows of all streams of an assembly in order of their stamps, recorded or simulated.
 pub trait Feed: Debug {
-    /// The next row, of a stream of the assembly; all rows before it have been fed to the filter `aboard`.
+    /// The next row of any stream of the assembly; all earlier rows have been fed to the filter `aboard`.
     ///
     /// # Errors
-    /// What is wrong with the data.
+    /// The data are invalid.
     fn next(&mut self, aboard: &mut dyn Aboard) -> Result<Option<Row<'_>>, Diagnostics>;
 
-    /// The share of the data that has been read, where the data have an end that is known.
+    /// The share of the data that has been read, if the end of the data is known.
     fn share(&self) -> Option<f64> {
         None
     }
 
-    /// How well a vehicle was steered, where there is one.
+    /// How well a vehicle was steered, if there is a vehicle.
     fn record(&self) -> Option<Record> {
         None
     }
@@ -80,11 +80,11 @@ pub trait Feed: Debug {
     /// Which numbers of which streams declared faults may change.
     fn disturbable(&self) -> Vec<(usize, Range<usize>)>;
 
-    /// What each source delivered.
+    /// The statistics of each source.
     fn statistics(&self) -> Vec<SourceStatistics>;
 }
 
-/// What a source delivered.
+/// The statistics of a source.
 #[derive(Clone, Debug, Serialize)]
 pub struct SourceStatistics {
     /// The source.
@@ -95,13 +95,13 @@ pub struct SourceStatistics {
     pub used: u64,
     /// Rows left out, by reason.
     pub skipped: Vec<(String, u64)>,
-    /// All of its report.
+    /// The full report.
     #[serde(skip)]
     pub report: SourceReport,
 }
 
 impl SourceStatistics {
-    /// Of a source by its report.
+    /// Makes the statistics of a source from its report.
     #[must_use]
     pub fn new(name: &str, report: &SourceReport) -> Self {
         Self {

@@ -7,9 +7,9 @@ use thiserror::Error;
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("{error}")]
 pub struct Failed {
-    /// Its number among the merged ones.
+    /// The number of the source among the merged sources.
     pub index: usize,
-    /// What is wrong.
+    /// The error.
     pub error: SourceError,
 }
 

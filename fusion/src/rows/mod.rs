@@ -6,8 +6,8 @@
 //! a simulated world  ── the same faults ─────▶ rows of all sensors by time
 //! ```
 //!
-//! A stream holds one row, not the file. What it leaves out it counts, with the reason and the
-//! first examples; nothing is lost without a word.
+//! A stream holds one row, not the file. It counts the rows that it leaves out, with the reason and the
+//! first examples; no row is lost silently.
 
 mod carried;
 mod error;

@@ -1,4 +1,4 @@
-//! What came out of a source, and what was left out and why.
+//! The rows that a source delivered, and the rows that it left out, with the reasons.
 
 use core::fmt;
 use fusion_core::time::Time;
@@ -11,7 +11,7 @@ const EXAMPLES: usize = 3;
 pub struct Example {
     /// Its line in the file, from 1.
     pub line: usize,
-    /// What was found there.
+    /// The text found there.
     pub what: String,
 }
 
@@ -22,11 +22,11 @@ pub struct Skipped {
     pub reason: String,
     /// How many.
     pub count: u64,
-    /// The first of them; none where the reason says it all.
+    /// The first such rows; empty if the reason says everything.
     pub examples: Vec<Example>,
 }
 
-/// What came out of a source.
+/// The result of reading a source.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceReport {
     /// Rows read.

@@ -6,20 +6,20 @@ use core::ops::Range;
 use fusion_core::time::Time;
 use fusion_models::block::Channel;
 
-/// What tells a row from the others of its stream.
+/// The time and number of a row in its stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamp {
     /// Its time.
     pub time: Time,
-    /// When it is there, in the time of the log: rows of several sources are merged by it. A fault
-    /// of the clock or of the order makes it differ from `time`.
+    /// When the row arrives, in the time of the log; it orders the rows of several sources. It differs from
+    /// `time` if a fault changes the clock or the order.
     pub arrival: Time,
-    /// Where it stands: of a text file the line, of simulated rows the count, from 1.
+    /// The line of a text file, or the count of simulated rows, from 1.
     pub number: u64,
 }
 
 impl Stamp {
-    /// Of a row that arrives at its own time.
+    /// The stamp of a row without delay: it arrives at `time`.
     #[must_use]
     pub const fn new(time: Time, number: u64) -> Self {
         Self {
@@ -32,13 +32,13 @@ impl Stamp {
 
 /// A stream of rows.
 pub trait RowStream: Debug + Send {
-    /// What a row consists of.
+    /// The channels of a row.
     fn channels(&self) -> &[ProvidedChannel];
 
     /// Writes the numbers of the next row and returns its stamp; `None` after the last.
     ///
     /// # Errors
-    /// What is wrong with the data; the stream has ended then.
+    /// The data are invalid; the stream ends then.
     fn next(&mut self, values: &mut Vec<f64>) -> Result<Option<Stamp>, SourceError>;
 
     /// The numbers of the last row that a fault changed.
@@ -51,7 +51,7 @@ pub trait RowStream: Debug + Send {
         Vec::new()
     }
 
-    /// What has been read so far.
+    /// The report of the rows read so far.
     fn report(&self) -> SourceReport;
 }
 

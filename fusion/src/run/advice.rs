@@ -1,4 +1,4 @@
-//! What to look at next, from all advisors that are linked.
+//! Advice of all linked advisors: the next things to look at.
 
 use super::Summary;
 use crate::design::Design;
@@ -8,11 +8,11 @@ use serde::Serialize;
 /// Something that a designer should look at.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// What it is about: a sensor, a source, or a NEES.
+    /// The subject: a sensor, a source, or a NEES.
     pub about: String,
-    /// What was found, with its figures.
+    /// The observation, with its figures.
     pub evidence: String,
-    /// What to do.
+    /// The recommended action.
     pub advice: String,
 }
 
@@ -22,7 +22,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Makes findings of a run; every advisor of a linked crate is asked at the end of a run.
+/// Makes findings about a run. At the end of a run, every advisor of a linked crate is called.
 ///
 /// ```
 /// use fusion::run::{Advisor, Finding};
@@ -43,15 +43,15 @@ impl fmt::Display for Finding {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Advisor {
-    /// Advisors are asked in the order of their names.
+    /// Advisors are called in the order of their names.
     pub name: &'static str,
-    /// The findings, the first to look at first.
+    /// The findings, most important first.
     pub advise: fn(&Design, &Summary) -> Vec<Finding>,
 }
 
 crate::inventory::collect!(Advisor);
 
-/// What all advisors find.
+/// The findings of all advisors.
 pub(super) fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
     let mut all: Vec<_> = crate::inventory::iter::<Advisor>.into_iter().collect();
     all.sort_by_key(|advisor| advisor.name);

@@ -1,5 +1,5 @@
-//! All mistakes of a design in one go: of reading, assembling and opening, and those of the variants
-//! that are not asked for.
+//! Reports all mistakes of a design in one pass: of reading, assembling and opening, and those of the
+//! variants that are not selected.
 
 use crate::config::{Diagnostic, Diagnostics, Document, Node, Value};
 use crate::design::{Design, Named, SensorDesign, truth};
@@ -13,20 +13,20 @@ use fusion_models::block::{Channel, InitialiserSpec, Taken};
 use fusion_models::units::{Axes, dim, range};
 use std::path::{Path, PathBuf};
 
-/// What is said of a data file that is not there.
+/// How a missing data file is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Missing {
     /// It is a mistake.
     Told,
-    /// It is none: the design may be checked without its data.
+    /// It is accepted: the design may be checked without its data.
     Excused,
 }
 
-/// The design of `document`. Where it has a mistake its data files are opened as well, so that
-/// their mistakes are told in the same run.
+/// The design of `document`. If it has a mistake, its data files are opened too, so that their mistakes
+/// are reported in the same run.
 ///
 /// # Errors
-/// Every mistake of reading, of the declared sources and of assembling; with them those of the data files.
+/// Every mistake of reading, of the declared sources, of assembling, and of the data files.
 pub fn examine(document: Document, options: &Options, missing: Missing) -> Result<Design, Diagnostics> {
     let (draft, mut d) = draft(document);
     if d.has_errors() {
@@ -36,12 +36,12 @@ pub fn examine(document: Document, options: &Options, missing: Missing) -> Resul
     draft.whole().map_err(|_| d)
 }
 
-/// What may surprise in a design without being a mistake.
+/// Warnings about a design that is valid but may not do what its author expects.
 #[must_use]
 pub fn surprises(design: &Design) -> Diagnostics {
     let mut d = Diagnostics::new();
     d.extend(design.initialisers.iter().filter_map(|start| counted_twice(design, start)));
-    // A part of a library brings simulated instruments that a recorded log has no use for.
+    // A library part declares simulated instruments that a recorded log does not need.
     if design.simulation.is_some() {
         d.extend(truth::shared(&design.document).iter().cloned());
         d.extend(idle_preset(&design.document));
@@ -49,9 +49,9 @@ pub fn surprises(design: &Design) -> Diagnostics {
     d
 }
 
-/// A first fix with a 1σ of its own, whose slow error a sensor of the same rows estimates.
+/// A first fix with a declared 1σ, if a sensor of the same rows already estimates its slow error.
 fn counted_twice(design: &Design, start: &Named<Box<dyn InitialiserSpec>>) -> Option<Diagnostic> {
-    /// By which factor a 1σ may be too small: a fifth, as the 1σ of a slow error is hardly known better.
+    /// A 1σ may be too small by this factor: the 1σ of a slow error is hardly known better than to a fifth.
     const TOO_SMALL: f64 = 1.2;
     let Taken::Position(sigma) = start.block.takes() else { return None };
     let inputs = start.block.inputs();
@@ -67,7 +67,7 @@ fn counted_twice(design: &Design, start: &Named<Box<dyn InitialiserSpec>>) -> Op
             .get("bias")
             .filter(|bias| bias.get("estimate").is_some_and(|e| matches!(e.value(), Value::Boolean(true))))?;
         let slow: Axes<dim::Length, range::NonNegative> = bias.get("sigma")?.read(&mut Diagnostics::new())?;
-        // A sensor of the horizontal alone does not tell the height.
+        // A horizontal sensor does not measure the height.
         let rows = sensor.block.model.noise().len();
         let ratios = slow.si().into_iter().zip(sigma).take(rows).map(|(slow, sigma)| slow / sigma);
         Some(1.0_f64.hypot(ratios.filter(|ratio| ratio.is_finite()).fold(0.0, f64::max)))
@@ -86,7 +86,7 @@ fn counted_twice(design: &Design, start: &Named<Box<dyn InitialiserSpec>>) -> Op
     Some(Diagnostic::warning(message).at(start.node.place_of("position_sigma")).help(help))
 }
 
-/// A preset of the simulated inertial unit beside figures that leave nothing of it, as those of an included part do.
+/// A preset of the simulated inertial unit that explicit figures override completely, as those of an included part.
 fn idle_preset(document: &Document) -> Option<Diagnostic> {
     let imu = document.root().get("simulation")?.get("imu")?;
     let preset = imu.get("preset")?;
@@ -111,7 +111,7 @@ fn idle_preset(document: &Document) -> Option<Diagnostic> {
 pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Diagnostics {
     let mut d = Diagnostics::new();
     let sources = if design.simulation.is_some() { &[][..] } else { &design.sources };
-    // Where [run] has a mistake, its origin is not known to be missing.
+    // If [run] has a mistake, a missing origin is not certain.
     let elsewhere = || {
         design.unread.run.then_some(Geodetic {
             lat: 0.0,
@@ -128,7 +128,7 @@ pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Di
             rows: options.rows.get(&named.name).cloned(),
             ..OpenContext::default()
         };
-        // A wrong declaration has been told.
+        // A wrong declaration was reported before.
         let Ok(channels) = named.block.source.channels() else { continue };
         let files = named.block.source.files();
         let mut files = files.iter().map(|f| context.resolve(f));
@@ -140,7 +140,7 @@ pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Di
             }
         };
         if context.rows.is_none() && files.any(is_left) {
-            // What can be said of the faults without the file.
+            // Checks the faults as far as possible without the file.
             let faults = FaultChain::new(&named.block.faults, &channels, |fault| context.fault_seed(fault));
             let mistakes = faults.err().unwrap_or_default();
             d.extend(mistakes.iter().map(|e| named.node.locate(e)));
@@ -152,7 +152,7 @@ pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Di
     }
     let is_simulated = design.simulation.is_some() || design.unread.simulation;
     let recorded = design.reference.as_ref().filter(|_| !is_simulated);
-    // What refers to a source that could not be read is not told as another mistake.
+    // A reference to a source that could not be read is not reported as a second mistake.
     let is_unread = |name: &str| design.unread.streams.iter().any(|unread| unread == name);
     if let Some(r) = recorded.filter(|r| !r.block.source.names().any(is_unread)) {
         let mistakes = super::reference::check(r, &design.sources).err().unwrap_or_default();
@@ -167,9 +167,9 @@ pub fn is_pipe(file: &Path) -> bool {
     std::fs::metadata(file).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 
-/// The mistakes of the variants of `file` besides those in `selected`, each laid over the base
-/// alone; what is wrong with the base itself is not repeated. A variant that is right on top of
-/// another one, as `bank+late`, has none.
+/// The mistakes of the variants of `file` that are not in `selected`. Each variant is laid over the base
+/// alone, and mistakes of the base itself are not repeated. A variant that is only valid on top of
+/// another variant, as in `bank+late`, is not reported.
 #[must_use]
 pub fn variants(file: &Document, selected: &[&str]) -> Diagnostics {
     let mut all = Diagnostics::new();

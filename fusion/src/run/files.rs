@@ -9,7 +9,7 @@ use fusion_models::earth::LocalFrame;
 use std::path::PathBuf;
 use std::{fs, io};
 
-/// Smoothed estimates, and those that the filter had at the time, where there are any.
+/// The files of smoothed estimates, of estimates at the time, and of revised estimates.
 const SMOOTHED: &str = "smoothed.csv";
 const CURRENT: &str = "current.csv";
 const REVISED: &str = "revised.csv";
@@ -26,8 +26,8 @@ pub(super) struct Files {
 }
 
 impl Files {
-    /// None without a folder to write to; smoothed.csv where estimates are smoothed, current.csv where they
-    /// change afterwards.
+    /// No files without a folder to write to; smoothed.csv if estimates are smoothed, current.csv if later rows
+    /// change them.
     pub(super) fn create(design: &Design, options: &Options, filters: &Filters, is_smoothed: bool) -> Result<Self, Unwritable> {
         let is_current = design.run.order == OrderSpec::Rewind;
         let Some(out) = &options.out else {
@@ -76,12 +76,12 @@ impl Files {
         })
     }
 
-    /// A file for what is kept until the end of the run; none without a folder to write to.
+    /// A file for data kept until the end of the run; `None` without a folder to write to.
     pub(super) fn spill(&self, name: &str) -> Result<Option<Spill>, Unwritable> {
         self.set.as_ref().map(|set| set.spill(name)).transpose()
     }
 
-    /// Ends what is written while a design is run; none of it has its name yet.
+    /// Ends the files that are written while a design is run; they do not have their names yet.
     pub(super) fn finish(self) -> Result<Option<FileSet>, Unwritable> {
         let Some(mut set) = self.set else { return Ok(None) };
         for file in self.estimates.into_iter().chain(self.smoothed).chain(self.current) {
@@ -104,9 +104,9 @@ pub(super) fn thinning(design: &Design) -> Thinning {
 pub struct Finished {
     /// Its result.
     pub summary: Summary,
-    /// Its files, without their names yet; none without a folder to write to.
+    /// Its files, without their names yet; `None` without a folder to write to.
     pub files: Option<FileSet>,
-    /// Where it was saved while it went on.
+    /// The checkpoint files written during the run.
     pub(super) checkpoints: Vec<PathBuf>,
 }
 
@@ -114,7 +114,7 @@ impl Finished {
     /// Writes summary.json, gives all files their names, and removes the checkpoints.
     ///
     /// # Errors
-    /// Where one cannot be written.
+    /// A file cannot be written.
     pub fn keep(self) -> Result<Summary, Unwritable> {
         if let Some(mut files) = self.files {
             files.write("summary.json", |file| Ok(serde_json::to_writer_pretty(file, &self.summary)?))?;

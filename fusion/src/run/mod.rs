@@ -48,19 +48,19 @@ pub enum Smoothing {
     /// As the design says: with a lag, or not.
     #[default]
     Declared,
-    /// Not, whatever the design says.
+    /// Never smoothed, even if the design asks for it.
     Never,
-    /// By all data of the log; what it needs of the run is kept until the end.
+    /// By all data of the log; the data for smoothing are kept until the end.
     Whole(Keep),
 }
 
-/// Where what smoothing needs of a run is kept until its end.
+/// Where the data for smoothing are kept until the end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keep {
     /// In memory, some kilobytes per estimate.
     Memory,
-    /// In a file beside the results, which is removed at the end; memory does not grow with the log, but
-    /// for the reference, which is held in memory in any case.
+    /// In a file next to the results, which is removed at the end. Memory does not grow with the log, except
+    /// for the reference, which is always held in memory.
     Disk,
 }
 
@@ -69,7 +69,7 @@ pub enum Keep {
 pub struct Options {
     /// Relative source paths start here, instead of at the design's `data_dir`.
     pub data: Option<PathBuf>,
-    /// Rows that a program brings in place of the files of sources, by the names of those.
+    /// Rows that a program supplies instead of the files of sources, by source name.
     pub rows: BTreeMap<String, Supply>,
     /// Where the design's own relative paths start: the folder of its file.
     pub base: PathBuf,
@@ -79,34 +79,35 @@ pub struct Options {
     pub seed: Option<u64>,
     /// Whether estimates are smoothed.
     pub smooth: Smoothing,
-    /// estimates.csv holds what was believed at the time, and revised.csv what later rows have made of it, where a
-    /// design goes back for late rows; otherwise there is nothing to revise.
+    /// For a design that goes back for late rows: estimates.csv holds the estimates at the time, and revised.csv
+    /// the estimates revised by later rows. Other designs have nothing to revise.
     pub causal: bool,
-    /// Saves the run while it goes on.
+    /// Saves the run at intervals.
     pub checkpoint: Option<Checkpoints>,
-    /// Goes on with the run that was saved there.
+    /// Resumes the run that was saved there.
     pub resume: Option<PathBuf>,
 }
 
 /// How far a run is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// The last row's.
+    /// The time of the last row.
     pub time: Time,
-    /// The share of the recorded data that has been read; none where it is simulated or not known.
+    /// The share of the recorded data that has been read; `None` if simulated or unknown.
     pub share: Option<f64>,
 }
 
-/// Runs `design`; `progress` hears how far it is, from time to time.
+/// Runs `design`; `progress` is called from time to time.
 ///
 /// # Errors
-/// Mistakes of the design, or what is wrong with the data.
+/// Mistakes of the design or of the data.
 pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Summary, Diagnostics> {
     Ok(Run::open(design, options)?.go(&mut [], progress)?.keep()?)
 }
 
-/// Runs `design` as [`run`] does, and shares with others what does not depend on the seed; `further` hear it. What no row of a
-/// campaign tells is not followed, and is empty in the summary: consumers, and parameters of filters inside stages.
+/// Runs `design` as [`run`] does, with the observers `further`, and shares with other runs all data that do not depend
+/// on the seed. Consumers and parameters of filters inside stages are not observed and are empty in the summary,
+/// because a campaign does not report them.
 ///
 /// # Errors
 /// Those of [`run`].
@@ -135,12 +136,12 @@ impl<'a> Run<'a> {
     /// Assembles a design and opens its data.
     ///
     /// # Errors
-    /// Mistakes of the design, or what is wrong with the data.
+    /// Mistakes of the design or of the data.
     pub fn open(design: &'a Design, options: &'a Options) -> Result<Self, Diagnostics> {
         Self::open_sharing(design, options, None)
     }
 
-    /// The same of one of several runs of the design, which differ by their seeds.
+    /// Opens one of several runs of the design, which differ by their seeds.
     fn open_sharing(design: &'a Design, options: &'a Options, course: Option<&SharedCourse>) -> Result<Self, Diagnostics> {
         let begun = Instant::now();
         let streams = declared_streams(design)?;
@@ -164,22 +165,22 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// What is run.
+    /// The assembly that is run.
     #[must_use]
     pub const fn assembly(&self) -> &Assembly {
         &self.assembly
     }
 
-    /// Runs to the end of the data. The observers `further` hear it besides those that the result
-    /// and its files are made by. The files have no names before [`Finished::keep`].
+    /// Runs to the end of the data. The observers `further` observe it in addition to those that make the
+    /// result and its files. The files have no names before [`Finished::keep`].
     ///
     /// # Errors
-    /// What is wrong with the data, a file that cannot be written, or the first of an observer.
+    /// Invalid data, a file that cannot be written, or the first error of an observer.
     pub fn go(self, further: &mut [&mut dyn RunObserver], progress: &mut dyn FnMut(Progress)) -> Result<Finished, Diagnostics> {
         self.go_and_smooth(further, &mut [], progress)
     }
 
-    /// The same; `smoothed` hear the smoothed estimates, if there are any, as the others hear those of the filter.
+    /// The same; the observers `smoothed` receive the smoothed estimates, if there are any.
     ///
     /// # Errors
     /// As [`go`](Self::go).
@@ -356,7 +357,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Feeds the rows of the time that is run, and tells of them; `reader` reads what a world is steered by.
+/// Feeds the rows within the time of the run and reports them to the hub; `reader` reads the pose that steers a world.
 fn feed(
     design: &Design,
     (runner, reader): (&mut Runner, &mut SolutionReader),
@@ -390,7 +391,7 @@ fn feed(
             data.rows.truth().into_iter().for_each(|state| hub.truth(time, state));
             continue;
         }
-        // The initialisers of a runner that has started are asked no more, and not remembered.
+        // Once a runner has started, its initialisers are not asked and not saved.
         let has_started = runner.newest().started();
         hub.row(&row, || if has_started { Vec::new() } else { runner.waits_for() })
             .map_err(stopped)?;
@@ -400,7 +401,7 @@ fn feed(
     hub.finish().map_err(stopped)
 }
 
-/// The reference names a source that is not there.
+/// The reference names a source that does not exist.
 pub(crate) fn unknown_reference(sources: &[Named<SourceDesign>], reference: &Named<ReferenceSpec>, name: &str) -> Diagnostic {
     let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
     let place = if reference.block.source.is_one() {
@@ -417,7 +418,7 @@ fn stopped(why: impl core::fmt::Display) -> Diagnostics {
     Diagnostic::error(why.to_string()).into()
 }
 
-/// What a run is fed with and scored against.
+/// The rows of a run and its reference.
 #[derive(Debug)]
 struct RunData {
     /// Its rows.
@@ -442,7 +443,7 @@ impl RunData {
     }
 }
 
-/// The faults that are declared of each stream.
+/// The declared faults of each stream.
 fn declared_faults(design: &Design) -> Vec<(&str, &[Fault])> {
     let recorded = design
         .sources
@@ -457,7 +458,7 @@ fn declared_faults(design: &Design) -> Vec<(&str, &[Fault])> {
     }
 }
 
-/// Windows of a fault that are kept.
+/// The greatest number of windows kept of a fault.
 const FAULT_WINDOWS: usize = 1000;
 
 /// The windows of all faults between two times \[s\], by their beginnings.
@@ -502,7 +503,7 @@ fn outages(design: &Design, assembly: &Assembly) -> Vec<Outage> {
 /// Where relative source paths start.
 #[must_use]
 pub fn data_dir<P>(design: &Design<P>, options: &Options) -> PathBuf {
-    // Of a table [run] with a mistake elsewhere, too, whose other fields are not read.
+    // Also works if another field of [run] has a mistake and the table was not read.
     let written = || {
         design
             .document

@@ -14,13 +14,13 @@ use fusion_core::runner::StreamId;
 #[derive(Debug)]
 struct Recorded {
     merged: Merged,
-    /// What is still to be read of their files.
+    /// The bytes still to be read of their files.
     unread: Unread,
-    /// The same before the first row; none of files that are held in memory.
+    /// The same before the first row; files held in memory do not count.
     all: u64,
-    /// Of each merged source.
+    /// The origin of each merged source.
     origins: Vec<Origin>,
-    /// What the reference delivered, which was read ahead.
+    /// The statistics of the reference sources, which were read ahead.
     reference: Vec<SourceStatistics>,
 }
 
@@ -78,7 +78,7 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
 
 type Opened<'a> = (&'a Named<SourceDesign>, Box<dyn RowStream>);
 
-/// All sources with their faults, or what is wrong with any of them.
+/// All sources with their faults, or all of their mistakes.
 fn open_all<'a>(design: &'a Design, options: &Options, unread: &Unread) -> Result<Vec<Opened<'a>>, Diagnostics> {
     let (mut d, mut opened) = (Diagnostics::new(), Vec::new());
     let data_dir = data_dir(design, options);
@@ -102,7 +102,7 @@ fn open_all<'a>(design: &'a Design, options: &Options, unread: &Unread) -> Resul
 /// A source with its faults.
 ///
 /// # Errors
-/// Mistakes of its declaration, what is wrong with its file.
+/// Mistakes of its declaration or of its file.
 pub fn open_one(source: &SourceDesign, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
     let rows = match &context.rows {
         Some(supply) => source.source.open_rows(supply.open()?, context)?,

@@ -1,12 +1,12 @@
-//! A run that is saved while it goes on, and gone on with by another process.
+//! Saves a run at intervals, so that another process can resume it.
 //!
 //! ```text
 //! every so often   files ─▶ disk;   rows so far, runner, observers, timing ─▶ FILE, whole or not at all
 //! going on         FILE ─▶ runner, observers;   files cut to what they had;   as many rows passed over
 //! ```
 //!
-//! Sources are read again from their beginning, so that everything random about them comes out as it did. A
-//! world whose vehicle is steered by the filter is told again what the filter said.
+//! Sources are read again from their beginning, so that their random numbers repeat. A world whose vehicle
+//! is steered by the filter receives the recorded poses of the filter again.
 
 use super::{Options, RunData, Smoothing, stopped};
 use crate::checkpoint::{self, CheckpointError, Of, fingerprint_of_run, opened, sealed};
@@ -25,12 +25,12 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Where a run is saved while it goes on, and how often.
+/// Where and how often a run is saved.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Checkpoints {
     /// The file, which is replaced each time and removed at the end of the run.
     pub file: PathBuf,
-    /// Time between two, by the clock.
+    /// Wall time between two checkpoints.
     pub every: Duration,
 }
 
@@ -44,9 +44,9 @@ pub(super) struct Saving<'o> {
     from: Option<&'o Path>,
     fingerprint: u64,
     progress: Progress,
-    /// When it was saved last.
+    /// The time of the last save.
     last: Instant,
-    /// What is or was remembered in the file.
+    /// The content of the file.
     bytes: Vec<u8>,
 }
 
@@ -54,9 +54,9 @@ pub(super) struct Saving<'o> {
 #[derive(Debug, Default)]
 struct Progress {
     rows: u64,
-    /// The stream and the stamp of the last one.
+    /// The stream and the stamp of the last row.
     last: Option<(StreamId, Time)>,
-    /// What the filter said to a world that it steers.
+    /// The poses that the filter gave to a world that it steers.
     said: Vec<Option<Pose>>,
 }
 
@@ -80,10 +80,10 @@ impl Memory for Whole<'_, '_> {
 }
 
 impl<'o> Saving<'o> {
-    /// As the options say. Nothing has been written yet.
+    /// Saving as the options declare. Nothing has been written yet.
     ///
     /// # Errors
-    /// A run that cannot be saved, one that was stopped and would be lost, or what is to be gone on with is of
+    /// The run cannot be saved, a stopped run would be overwritten, or the checkpoint to resume belongs to
     /// another run.
     pub(super) fn begin(design: &Design, options: &'o Options) -> Result<Self, Diagnostics> {
         let mut saving = Self {
@@ -120,7 +120,7 @@ impl<'o> Saving<'o> {
         self.to.is_none() && self.from.is_none()
     }
 
-    /// What is remembered in the file `from`.
+    /// The saved content of the file `from`.
     fn read(&self, from: &Path) -> Result<Vec<u8>, Diagnostics> {
         let bytes = checkpoint::read(from).map_err(|error| failed(from, error))?;
         let memory = opened(Of::Run, self.fingerprint, &bytes).map_err(|error| match error {
@@ -133,10 +133,10 @@ impl<'o> Saving<'o> {
         Ok(memory.to_vec())
     }
 
-    /// Goes on with the run that was saved, if one is to be; `hub` has all its observers.
+    /// Resumes the saved run, if the options ask for it; `hub` has all its observers.
     ///
     /// # Errors
-    /// An observer without a memory, a file that holds another one, or the data are other ones.
+    /// An observer cannot be saved, the file holds other observers, or the data have changed.
     pub(super) fn resume(
         &mut self,
         (runner, hub, timing): (&mut Runner, &mut Hub<'_>, &mut Timing),
@@ -179,12 +179,12 @@ impl<'o> Saving<'o> {
         Ok(())
     }
 
-    /// Where what the filter says to its world is kept, if the run is saved.
+    /// The store for the poses that the filter gives to its world, if the run is saved.
     pub(super) fn said(&mut self) -> Option<&mut Vec<Option<Pose>>> {
         self.to.is_some().then_some(&mut self.progress.said)
     }
 
-    /// A row has been used; nobody asks for it where nothing is saved.
+    /// Counts a used row; does nothing if the run is not saved.
     pub(super) fn used(&mut self, (stream, time): (StreamId, Time)) {
         if self.to.is_none() {
             return;
@@ -196,7 +196,7 @@ impl<'o> Saving<'o> {
     /// Saves the run between two rows, if it is time.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// The file cannot be written.
     pub(super) fn save_in_time(&mut self, runner: &mut Runner, hub: &mut Hub<'_>, timing: &mut Timing) -> Result<(), Diagnostics> {
         let Some(Checkpoints { file, every }) = self.to else {
             return Ok(());
@@ -223,7 +223,7 @@ impl<'o> Saving<'o> {
 /// Why rows could not be passed over.
 enum Passed {
     Failed(Diagnostics),
-    /// The row is another one than before, or there is none.
+    /// The row differs from the earlier one, or there is no such row.
     Other(u64),
 }
 
@@ -231,7 +231,7 @@ fn failed(from: &Path, why: impl core::fmt::Display) -> Diagnostics {
     Diagnostic::error(format!("cannot go on with {}: {why}", from.display())).into()
 }
 
-/// The options that a run depends on. All kernels but the portable one agree in every bit.
+/// The options that a run depends on. All kernels except the portable one give bit-identical results.
 fn told(design: &Design, options: &Options) -> String {
     let Options {
         seed,
@@ -248,7 +248,7 @@ fn told(design: &Design, options: &Options) -> String {
     format!("{seed:?} {smooth:?} {} {data:?} {causal} {is_portable}", out.is_some())
 }
 
-/// Writes `file` so that it has its old content or the new one at any moment.
+/// Writes `file` atomically: at any moment it has either its old or its new content.
 fn replace(file: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut name = file.as_os_str().to_owned();
     name.push(".partial");

@@ -11,17 +11,17 @@ use fusion_core::smoother::{FixedInterval, FixedLag, Shelf, Tape};
 use fusion_core::state::Belief;
 use fusion_core::time::nanos;
 
-/// By which data a run is smoothed.
+/// The data used to smooth a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Planned {
-    /// Those up to so many seconds after an estimate.
+    /// The data up to this number of seconds after an estimate.
     Lag(f64),
     /// All of the log.
     Whole(Keep),
 }
 
 impl Planned {
-    /// What is asked for; none where nothing is.
+    /// The requested smoothing; `None` if none is requested.
     pub(super) fn of(design: &Design, options: &Options) -> Option<Self> {
         match options.smooth {
             Smoothing::Never => None,
@@ -62,7 +62,7 @@ impl Planned {
     }
 }
 
-/// The smoother of a run, whose observers are the file and the score.
+/// The smoother of a run; its observers are the file and the score.
 pub(super) fn smoother<'a>(
     design: &Design,
     by: By,

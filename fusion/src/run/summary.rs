@@ -1,4 +1,4 @@
-//! What a run results in.
+//! The result of a run.
 
 use super::Finding;
 use crate::health::FilterHealth;
@@ -10,21 +10,22 @@ use fusion_core::runner::Tested;
 use fusion_models::sim::Record;
 use serde::Serialize;
 
-/// A part of the log before the start that is worth a line. A twentieth changes an RMS by 2.5 % at most, where errors are alike.
+/// The smallest share of the log before the start that is reported. With uniform errors, one twentieth changes an RMS
+/// by 2.5 % at most.
 const LATE: f64 = 0.05;
-/// Levelling takes a second or so of any log \[s\].
+/// A wait too short to report: levelling takes about one second of any log \[s\].
 const BRIEF: f64 = 2.0;
 
-/// What became of the tests of a stage that is a detector.
+/// The test results of a detector stage.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Detector {
     /// The stage.
     pub stage: String,
-    /// How often it tested since the filter runs.
+    /// How often it tested since the filter started.
     pub tests: u64,
-    /// How often that held for which it tests.
+    /// How often the tested condition held.
     pub held: u64,
-    /// What was nearest to that where it never held, with the limits that it missed.
+    /// The nearest miss if the condition never held, with the limits missed.
     pub nearest: Option<String>,
 }
 
@@ -40,7 +41,7 @@ impl From<(String, Tested)> for Detector {
     }
 }
 
-/// The score of a filter inside a stage. Its sensors and parameters stand beside the others.
+/// The score of a filter inside a stage. Its sensors and parameters are listed with those of the other filters.
 #[derive(Clone, Debug, Serialize)]
 pub struct InsideScore {
     /// The stage's name, after those of the stages around it, with dots.
@@ -49,32 +50,32 @@ pub struct InsideScore {
     pub score: Score,
 }
 
-/// What later data made of the estimates.
+/// The estimates smoothed with later data.
 #[derive(Clone, Debug, Serialize)]
 pub struct Smoothed {
-    /// Data were used up to so long after an estimate \[s\]; none for all of the log.
+    /// Lag: data up to this time after an estimate were used \[s\]; `None` for the whole log.
     pub lag: Option<f64>,
-    /// Estimates that were smoothed: those with a row in smoothed.csv, and those about an epoch of the
+    /// Number of smoothed estimates: those with a row in smoothed.csv, and those around an epoch of the
     /// reference.
     pub estimates: u64,
     /// Their score against the reference.
     pub score: Option<Score>,
 }
 
-/// What the filter believed at the time, where it uses rows as they arrive.
+/// The estimates as known at the time, for a filter that uses rows as they arrive.
 #[derive(Clone, Debug, Serialize)]
 pub struct Current {
     /// Their score against the reference.
     pub score: Option<Score>,
     /// How often the filter went back for a row that came late.
     pub rewinds: u64,
-    /// Rows that were used again, in all, and at once at most.
+    /// Rows that were used again, in total.
     pub rows_again: u64,
-    /// The most at once.
+    /// The largest number of rows used again at once.
     pub most_rows_again: u64,
-    /// The longest that a row took, with all that was used again for it \[s\].
+    /// The longest computing time of a row, including all rows used again for it \[s\].
     pub longest_seconds: f64,
-    /// Snapshots and rows that are kept to go back to at the end of the run, in bytes.
+    /// Size of the snapshots and rows kept for going back, at the end of the run, in bytes.
     pub memory: usize,
 }
 
@@ -87,82 +88,83 @@ pub struct FaultWindow {
     pub fault: String,
     /// Its beginning \[s\].
     pub from: f64,
-    /// Its end \[s\], or that of the run.
+    /// Its end \[s\], or the end of the run.
     pub to: f64,
 }
 
 /// The result of a run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
-    /// The design's own line about itself.
+    /// The description in the design.
     pub description: String,
-    /// What the run was made of.
+    /// The provenance of the run.
     pub provenance: Provenance,
-    /// What to look at next, the first first.
+    /// The findings, most important first.
     pub findings: Vec<Finding>,
     /// The backend: chart, update, form.
     pub backend: String,
-    /// What computed: the instructions of the processor. Another one rounds differently.
+    /// The instruction set used; another instruction set rounds differently.
     pub kernel: &'static str,
-    /// What the filters said of themselves: the design's own first, then those inside stages.
+    /// The self-reported health of the filters: first the outermost filter, then the filters inside stages.
     pub health: Vec<FilterHealth>,
-    /// When the filter started \[s\]; none if it never did.
+    /// When the filter started \[s\]; `None` if it never did.
     pub started: Option<f64>,
-    /// What of the log lies before the first start, and what that was for; none if it never did.
+    /// The part of the log before the first start, and the causes of the wait; `None` if the filter never started.
     pub waited: Option<Wait>,
-    /// The attitude or angle that was known least at the start, and its largest 1σ \[rad\].
+    /// The attitude or angle with the largest 1σ at the start, and this 1σ \[rad\].
     pub start_angle: Option<(String, f64)>,
-    /// What it was still waiting for at the end.
+    /// The inputs that the filter was still waiting for at the end.
     pub waiting: Vec<(String, String)>,
-    /// What became of the tests of the stages that are detectors.
+    /// The test results of the detector stages.
     pub detectors: Vec<Detector>,
-    /// For how long rows are held back, so that late ones are used in order of time \[s\]: so old is the estimate that a
-    /// vehicle has. 0 where rows are used as they arrive.
+    /// Time for which rows are held back, so that late rows are used in order of time \[s\]. The estimate on the
+    /// vehicle is this old. 0 if rows are used as they arrive.
     pub held_back: f64,
     /// Estimates made.
     pub epochs: u64,
-    /// Samples of the process input that were refused for what they are: spikes, out of range, frozen, not finite, or
-    /// stamped far ahead.
+    /// Samples of the process input that were rejected: spikes, out of range, frozen, not finite, or stamped far
+    /// ahead.
     pub refused_samples: u64,
     /// How long the filter coasted without process input \[s\].
     pub coasted: f64,
-    /// What became of the hypotheses of a bank; none without one.
+    /// The statistics of the hypotheses of a bank; `None` without a bank.
     pub hypotheses: Option<Hypotheses>,
-    /// The source of a sensor whose other rows are the reference, where they are: the slow errors of both are the same.
+    /// The source of a sensor, if other rows of it are the reference: both then have the same slow errors.
     pub judged_by: Option<String>,
-    /// Whether the reference has rows that the filter uses: these errors then say how closely it follows them.
+    /// True if the filter uses rows of the reference: the errors then only show how closely it follows these rows.
     pub judged_by_used_rows: bool,
     /// Score against the reference.
     pub score: Option<Score>,
-    /// The same of smoothed estimates, where they were asked for.
+    /// The same for smoothed estimates, if requested.
     pub smoothed: Option<Smoothed>,
-    /// What was believed at the time, of a design that uses rows as they arrive; the other figures are
-    /// about what later rows have made of it.
+    /// The estimates as known at the time, for a design that uses rows as they arrive; the other figures
+    /// include later rows.
     pub current: Option<Current>,
     /// Scores of the filters inside stages.
     pub inside: Vec<InsideScore>,
-    /// When declared faults were at work, by their beginnings; those that always are left out.
+    /// When declared faults were active, ordered by their beginnings; faults that are always active are left out.
     pub faults: Vec<FaultWindow>,
-    /// How well a controlled vehicle did what it was to do; none where nothing is steered.
+    /// How well a controlled vehicle was steered; `None` without a controlled vehicle.
     pub control: Option<Record>,
     /// Per sensor.
     pub sensors: Vec<SensorStatistics>,
-    /// Of each sensor the stretch of innovations larger than chance allows in which a calibration moved farthest.
+    /// For each sensor: of all stretches with innovations larger than chance allows, the stretch in which a
+    /// calibration moved farthest.
     pub excesses: Vec<Excess>,
     /// Per source.
     pub sources: Vec<SourceStatistics>,
     /// Estimated parameters at the end.
     pub parameters: Vec<FinalState>,
-    /// What became of every row, by consumer.
+    /// The outcome of every row, by consumer.
     pub consumers: Vec<ConsumerCounts>,
-    /// Rows that came too late or held no number, by consumer.
+    /// Rows that came too late or had no number, by consumer.
     pub unused_rows: Vec<(String, u64)>,
-    /// Samples of the input that were taken for spikes; `consumers` tell it, too, but for one run of many.
+    /// Input samples that were taken for spikes; `consumers` has them too, except for one of many runs.
     #[serde(skip)]
     pub spikes: u64,
-    /// What the estimator could not do: the first ten reasons.
+    /// The first ten failures of the estimator.
     pub failures: Vec<String>,
-    /// How many more failures there were.
+    /// The number of further failures.
     pub further_failures: u64,
     /// Wall time of the whole run \[s\].
     pub wall_seconds: f64,
@@ -171,7 +173,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// The wait for the start, where so much of the log lies before it that the figures are not those of the whole log.
+    /// The wait for the start, if it takes so large a share of the log that the figures do not describe the whole log.
     #[must_use]
     pub fn late_start(&self) -> Option<&Wait> {
         self.waited.as_ref().filter(|wait| wait.share() > LATE && wait.seconds > BRIEF)

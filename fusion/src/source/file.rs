@@ -1,4 +1,4 @@
-//! A file of data: found, opened, unpacked, with messages that say where it was looked for.
+//! A data file: found, opened, unpacked, with messages that report where it was searched.
 
 use super::OpenContext;
 use crate::config::{did_you_mean, is_utf_16};
@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{BufReader, Cursor, Error, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-/// What a gzip file begins with (RFC 1952).
+/// The first bytes of a gzip file (RFC 1952).
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 /// The byte order mark of UTF-8, which some programs write first.
 const BOM: [u8; 3] = [0xef, 0xbb, 0xbf];
@@ -41,7 +41,7 @@ impl DataFile {
         self.opened.display().to_string()
     }
 
-    /// Its bytes, unpacked where it is gzip-compressed.
+    /// Its bytes, unpacked if it is gzip-compressed.
     ///
     /// # Errors
     /// It cannot be opened, or is UTF-16 text.
@@ -82,7 +82,7 @@ impl DataFile {
         Ok(Box::new(file))
     }
 
-    /// Where a missing file was looked for, and the one that was probably meant.
+    /// Where a missing file was searched, and the file that was probably meant.
     fn whereabouts(&self, context: &OpenContext) -> String {
         let name = self.opened.file_name().unwrap_or_default().to_string_lossy();
         let beside = self.opened.parent().and_then(|parent| std::fs::read_dir(parent).ok());

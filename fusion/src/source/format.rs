@@ -9,8 +9,8 @@ use std::path::Path;
 /// How many bytes of a file are shown to a format that has to recognise it.
 const FIRST: u64 = 4096;
 
-/// A format of logs. A crate that brings a [`SourceSpec`](super::SourceSpec) registers it beside that, and `fusion inspect`
-/// then reads its files and writes designs with sources of this `type`.
+/// A format of logs. A crate with a [`SourceSpec`](super::SourceSpec) registers its format too; `fusion inspect` then
+/// reads its files and writes designs with sources of this `type`.
 ///
 /// ```
 /// use fusion::source::LogFormat;
@@ -32,14 +32,14 @@ const FIRST: u64 = 4096;
 pub struct LogFormat {
     /// The `type` of its sources.
     pub name: &'static str,
-    /// Whether it knows what its stamps count from, so that a source declares nothing of its clock.
+    /// Whether the format defines the zero point of its stamps, so that a source does not declare its clock.
     pub has_own_clock: bool,
-    /// How names of its files end. A folder is searched for them.
+    /// The endings of its file names. A folder is searched for them.
     pub endings: &'static [&'static str],
-    /// Whether a file is of this format, by its first bytes, of which there are 4096 at most; unpacked, where it is
-    /// gzip-compressed. A name that ends as one of its files is enough.
+    /// Whether a file has this format, by its first bytes: 4096 at most, unpacked if it is gzip-compressed. It is
+    /// not called if the name has one of the endings.
     pub recognises: fn(&[u8]) -> bool,
-    /// Reads a whole file: a table for each set of columns that have their rows in common.
+    /// Reads a whole file: one table for each set of columns with common rows.
     ///
     /// # Errors
     /// It cannot be opened or read.
@@ -57,7 +57,7 @@ impl LogFormat {
         all
     }
 
-    /// The format of a file, by its name or by its first bytes: `csv` where no other recognises it.
+    /// The format of a file, by its name or by its first bytes: `csv` if no other format recognises it.
     ///
     /// # Errors
     /// It cannot be opened.
@@ -70,13 +70,13 @@ impl LogFormat {
         }
         let context = OpenContext::default();
         let mut first = Vec::new();
-        // What cannot be unpacked is told by whoever reads all of it.
+        // The reader of the whole file reports a file that cannot be unpacked.
         let _ = DataFile::new(path, &context).bytes(&context)?.take(FIRST).read_to_end(&mut first);
         Ok(others().find(|format| (format.recognises)(&first)).unwrap_or(&TEXT))
     }
 }
 
-/// Fields with something between them: what any file of text is taken for.
+/// Fields with a delimiter between them: the default for text files.
 pub(super) static TEXT: LogFormat = LogFormat {
     name: "csv",
     has_own_clock: false,

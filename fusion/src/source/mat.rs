@@ -37,7 +37,7 @@ time_spec! {
         column: Option<String>,
         /// Its unit; seconds by default.
         unit: Option<String>,
-        /// What a stamp counts from, where sources with other clocks are beside it: all are brought to GPS
+        /// The zero point of the stamps, if the design has sources with other clocks: all are converted to GPS
         /// time, which has no leap seconds.
         counts_from: Option<Origin>,
         /// The rate of a recording without stamps; its first sample is at zero.
@@ -56,7 +56,7 @@ impl MatTimeSpec {
     }
 }
 
-/// The column of stamps that are counted.
+/// The name of the column of counted stamps.
 const NUMBER: &str = "the number of the sample";
 
 static FORMAT: LogFormat = LogFormat {
@@ -69,7 +69,7 @@ static FORMAT: LogFormat = LogFormat {
 
 crate::inventory::submit! { FORMAT }
 
-/// Of arrays a table for each number of samples.
+/// Makes a table of the arrays for each number of samples.
 fn tables(path: &Path) -> Result<Vec<Table>, SourceError> {
     let context = OpenContext::default();
     let file = Undeclared::open(&DataFile::new(path, &context), &context)?;
@@ -88,7 +88,7 @@ fn tables(path: &Path) -> Result<Vec<Table>, SourceError> {
     Ok(tables)
 }
 
-/// `imu_acc_y` of `imu.acc(:,2)`, one of three columns of it; `None` of other counts than three and of four, a quaternion.
+/// `imu_acc_y` for `imu.acc(:,2)`, an array of three columns; four columns are a quaternion. `None` for other counts.
 fn label(columns: &[String], name: &str) -> Option<String> {
     let base = name.split_once('(')?.0;
     let same: Vec<&String> = columns.iter().filter(|c| c.split('(').next() == Some(base)).collect();
@@ -102,9 +102,9 @@ fn label(columns: &[String], name: &str) -> Option<String> {
 }
 
 format_spec! {
-    /// Arrays of a MATLAB file of version 5, as `save` writes it with `-v6` or `-v7`. The columns are called as in
-    /// MATLAB: `t`, `acc(:,2)`, `acc(2,:)`, `R(1,3,:)`, `imu.acc(:,2)` of a field of a structure. Only arrays as
-    /// long as that of the stamps, or without stamps that of the first channel, are columns.
+    /// Arrays of a MATLAB file of version 5, as `save` writes it with `-v6` or `-v7`. The columns are named as in
+    /// MATLAB: `t`, `acc(:,2)`, `acc(2,:)`, `R(1,3,:)`, or `imu.acc(:,2)` for a field of a structure. Only arrays as
+    /// long as the array of the stamps are columns; without stamps, the array of the first channel decides.
     pub struct MatSpec {
         /// The file, relative to the data directory.
         path: PathBuf,
@@ -162,10 +162,10 @@ fn variables(file: &DataFile, context: &OpenContext) -> Result<Vec<Variable>, So
     Ok(format::variables(&bytes).map_err(wrong)?)
 }
 
-/// A file of which nothing is declared.
+/// A file without a declaration.
 pub(super) struct Undeclared {
     variables: Vec<Variable>,
-    /// Samples per second, and the name of the number that says so.
+    /// The name of the number that gives the rate, and the rate in samples per second.
     pub(super) rate: Option<(String, f64)>,
 }
 
@@ -176,7 +176,7 @@ impl Undeclared {
         Ok(Self { variables, rate })
     }
 
-    /// The name of every array, and its shape or what it is instead.
+    /// The name of every array, and its shape or its kind if it has no numbers.
     pub(super) fn arrays(&self) -> Vec<(String, String)> {
         let shown = |v: &Variable| match v.content {
             Content::Other(what) => what.to_owned(),
@@ -185,9 +185,9 @@ impl Undeclared {
         self.variables.iter().map(|v| (v.name.clone(), shown(v))).collect()
     }
 
-    /// The samples of arrays of one length, the longest first.
+    /// The samples of the arrays, grouped by length, the longest first.
     pub(super) fn samples(&self) -> Vec<Samples> {
-        /// Shorter ones are parameters.
+        /// Shorter arrays are parameters.
         const FEWEST: usize = 10;
         let arrays = self.variables.iter().filter(|v| !matches!(v.content, Content::Other(_)));
         let mut guides: Vec<(usize, &str)> = arrays.filter_map(|v| Some((*v.shape.iter().max()?, v.name.as_str()))).collect();
@@ -200,7 +200,7 @@ impl Undeclared {
     }
 }
 
-/// The rate that a single number says by its name.
+/// The rate given by a single number with a suitable name.
 fn rate_of(variable: &Variable) -> Option<f64> {
     let number = match &variable.content {
         Content::Numbers(numbers) => *numbers.first()?,
@@ -232,7 +232,7 @@ pub(super) struct Samples {
     number: usize,
 }
 
-/// Where the cells of a column are: in an array, from the first on, each so many elements after the last.
+/// Where the cells of a column are: in an array, from element `first` on, every `step` elements.
 #[derive(Clone, Copy, Debug)]
 enum Place {
     Counted,
@@ -240,7 +240,7 @@ enum Place {
 }
 
 impl Samples {
-    /// The columns as long as the one called `guide`.
+    /// The columns as long as the column `guide`.
     fn new(variables: Vec<Variable>, guide: &str, rate: Option<f64>) -> Self {
         let named = |guide: &str| variables.iter().find(|v| base(guide) == v.name);
         let guide = named(guide).or_else(|| named(guide.trim_start_matches('-')));
@@ -265,7 +265,7 @@ impl Samples {
         samples
     }
 
-    /// Makes columns of an array, if one of its dimensions is that of the samples.
+    /// Makes columns of an array, if one of its dimensions has the number of samples.
     fn add(&mut self, number: usize, variable: &Variable) {
         let shape = &variable.shape;
         let Some(along) = shape.iter().position(|k| *k == self.count && *k > 0) else {
@@ -277,7 +277,7 @@ impl Samples {
         let step: usize = shape[..along].iter().product();
         let others: usize = shape.iter().product::<usize>() / self.count;
         for other in 0..others {
-            // The first cell of this column: `other` counts through all dimensions but that of the samples.
+            // The first cell of this column: `other` counts through all dimensions except the dimension of the samples.
             let (inner, outer) = (other % step, other / step);
             let index = |axis: usize| {
                 let slower: usize = shape[..axis]
@@ -305,7 +305,7 @@ impl Samples {
     }
 }
 
-/// The array that a column is of.
+/// The array of a column.
 fn base(column: &str) -> &str {
     column.split('(').next().unwrap_or(column)
 }

@@ -1,13 +1,13 @@
-//! Recorded sources: from what a `[source.NAME]` table declares to decoded rows.
+//! Recorded sources: from the declaration in `[source.NAME]` to decoded rows.
 //!
 //! ```text
 //! file ── a format's reader ──▶ raw rows ── decode ──▶ rows (time, numbers in SI)
 //!            RawRows             cells                RowStream
 //! ```
 //!
-//! A format knows how its rows lie in a file, and nothing else. One of another crate implements [`RawRows`] and
-//! [`SourceSpec`], and registers both: `examples/own-format`. What the cells mean (stamps,
-//! channels, units, validity, what to do with a bad row) is declared and decoded alike for all.
+//! A format knows only the layout of its rows in a file. A format of another crate implements [`RawRows`] and
+//! [`SourceSpec`], and registers both: see `examples/own-format`. The meaning of the cells (stamps, channels,
+//! units, validity, the action for a bad row) is declared and decoded in the same way for all formats.
 
 mod csv;
 pub mod decode;
@@ -37,7 +37,7 @@ use fusion_models::block::BuildError;
 use fusion_models::fault::derive_seed;
 use std::path::{Path, PathBuf};
 
-/// What a source is opened with.
+/// The context in which a source is opened.
 #[derive(Clone, Debug, Default)]
 pub struct OpenContext {
     /// Relative paths start here.
@@ -48,14 +48,14 @@ pub struct OpenContext {
     pub origin: Option<Geodetic>,
     /// The seed of the run.
     pub seed: u64,
-    /// What is still to be read of the files that are opened with it.
+    /// The bytes still to be read of the files that are opened with it.
     pub unread: Unread,
     /// Rows in place of the source's file.
     pub rows: Option<Supply>,
 }
 
 impl OpenContext {
-    /// A declared path as it is opened.
+    /// The path to open for a declared path.
     #[must_use]
     pub fn resolve(&self, path: &Path) -> PathBuf {
         self.data_dir.join(path)
@@ -74,22 +74,22 @@ pub trait SourceSpec: Debug + Send + Sync {
     /// The files it reads, as declared.
     fn files(&self) -> Vec<PathBuf>;
 
-    /// What its rows consist of, from the declaration alone.
+    /// The channels of its rows, from the declaration alone.
     ///
     /// # Errors
     /// All mistakes of the declaration, each naming its field.
     fn channels(&self) -> Result<Vec<ProvidedChannel>, Vec<BuildError>>;
 
-    /// Makes it ready to read: of a file, the header is read and checked.
+    /// Makes it ready to read; the header of a file is read and checked.
     ///
     /// # Errors
-    /// As [`channels`](Self::channels), and what is wrong with the file.
+    /// As [`channels`](Self::channels), and mistakes of the file.
     fn open(&self, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError>;
 
-    /// The same of rows that a program brings in place of the file.
+    /// The same for rows that a program supplies instead of the file.
     ///
     /// # Errors
-    /// As [`open`](Self::open); a source that reads nothing but its file.
+    /// As [`open`](Self::open); also a source that can only read its file.
     fn open_rows(&self, _rows: Box<dyn RawRows>, _context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
         let message = "a source of this type reads its file, and no rows from memory";
         Err(BuildError::at("type", message).help("declare it as `csv`").into())

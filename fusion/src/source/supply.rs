@@ -1,4 +1,4 @@
-//! Rows that a program brings in place of the file of a source.
+//! Rows that a program supplies instead of the file of a source.
 
 use super::decode::{Cell, RawRows};
 use crate::rows::{DataError, SourceError};
@@ -6,8 +6,8 @@ use core::fmt;
 use fusion_models::block::BuildError;
 use std::sync::Arc;
 
-/// Rows in place of the file of a source: arrays in memory, or whatever implements [`RawRows`], such as the messages of a
-/// channel. They are decoded as the source declares it: clock, units, rotations, `valid`, bad rows.
+/// Rows instead of the file of a source: arrays in memory, or any type that implements [`RawRows`], such as the messages
+/// of a channel. They are decoded as the source declares: clock, units, rotations, `valid`, bad rows.
 ///
 /// ```
 /// use fusion::run::Options;
@@ -20,11 +20,11 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub struct Supply(Arc<Open>);
 
-/// Begins the rows anew.
+/// Starts the rows from the beginning.
 type Open = dyn Fn() -> Result<Box<dyn RawRows>, SourceError> + Send + Sync;
 
 impl Supply {
-    /// Rows that `open` begins: once for a run, and once more for each other look at them.
+    /// Rows that `open` starts: once for a run, and once more for each other reader.
     pub fn new(open: impl Fn() -> Result<Box<dyn RawRows>, SourceError> + Send + Sync + 'static) -> Self {
         Self(Arc::new(open))
     }
@@ -72,14 +72,14 @@ pub struct Columns {
 pub enum Values {
     /// Numbers.
     Numbers(Vec<f64>),
-    /// Whole numbers, exact where they are stamps.
+    /// Whole numbers; stamps stay exact.
     Integers(Vec<i64>),
-    /// As a text file would have them: calendar dates, and numbers too.
+    /// Text as in a text file: calendar dates, or numbers.
     Texts(Vec<String>),
 }
 
 impl Columns {
-    /// With a column more.
+    /// Adds a column.
     #[must_use]
     pub fn with(mut self, name: &str, values: impl Into<Values>) -> Self {
         self.names.push(name.to_owned());
@@ -120,7 +120,7 @@ impl From<Vec<String>> for Values {
 struct Listed {
     columns: Arc<Columns>,
     count: usize,
-    /// The number of the row at hand, from 1.
+    /// The number of the current row, from 1.
     row: usize,
 }
 

@@ -1,6 +1,6 @@
-//! A file as columns of numbers, before anybody has declared what they are.
+//! A file as columns of numbers, before their meaning is declared.
 //!
-//! The rows are those of the format's own reader. A cell that is not a number is NaN here; a row that
+//! The rows come from the reader of the format. A cell that is not a number is NaN here; a row that
 //! cannot be split into cells is counted and left out.
 //!
 //! Memory   all of the file, eight bytes for each cell
@@ -17,9 +17,9 @@ use head::{Head, Names};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
-/// What may separate the fields of a text file, the usual one first.
+/// Possible delimiters of the fields of a text file, the usual delimiter first.
 const DELIMITERS: [&str; 3] = [",", ";", "\t"];
-/// What separates them where none of these is in the first line.
+/// The delimiter if the first line has none of these.
 const BLANKS: &str = "blanks";
 
 /// A file as columns of numbers.
@@ -29,60 +29,61 @@ pub struct Table {
     pub path: PathBuf,
     /// How it is written; text by default.
     pub format: &'static LogFormat,
-    /// What separates its fields.
+    /// The delimiter of its fields.
     pub delimiter: String,
-    /// What its comments begin with, where it begins with some.
+    /// The mark of its comments, if the file begins with comments.
     pub comment: Option<&'static str>,
     /// Whether a line names the columns.
     pub header: bool,
-    /// Whether that line is the last comment before the first row.
+    /// Whether this line is the last comment before the first row.
     pub is_commented: bool,
-    /// Names for the columns, where those of the file stand for several columns each.
+    /// Names for the columns, if a name in the file belongs to several columns.
     pub names: Option<Vec<String>>,
-    /// Lines that are passed over: those after the one with the names, with `names` those at the beginning of the file.
+    /// Lines that are skipped: after the line with the names, or, with `names`, at the beginning of the file.
     pub skip: usize,
-    /// The column of the stamps, where more than one may be it.
+    /// The column of the stamps, if several columns are possible.
     pub stamp: Option<usize>,
-    /// A comment that tells samples per second, and how many.
+    /// A comment that states the rate, and the rate in samples per second.
     pub told: Option<(String, f64)>,
     /// Its columns.
     pub columns: Vec<Column>,
-    /// Samples per second, and the name of the number that says so; the first column then holds their nanoseconds.
+    /// The name of the number that gives the rate, and the rate in samples per second. The first column then holds
+    /// the stamps in nanoseconds.
     pub rate: Option<(String, f64)>,
-    /// Of arrays, all of the file, each with its shape.
+    /// All arrays of a file of arrays, each with its shape.
     pub arrays: Vec<(String, String)>,
-    /// Rows that cannot be split into as many cells as there are columns.
+    /// Number of rows that cannot be split into one cell per column.
     pub malformed: usize,
 }
 
 /// A column.
 #[derive(Clone, Debug, Default)]
 pub struct Column {
-    /// As declarations refer to it.
+    /// The name used in declarations.
     pub name: String,
-    /// Its first cell as it is written.
+    /// Its first cell as written.
     pub first: String,
-    /// What it is called where the name holds an index, as `imu_acc_y` of `imu.acc(:,2)`, where the line below has a unit, or
-    /// where the name is a number because the file has it twice.
+    /// A label that replaces the name: for a name with an index (`imu_acc_y` for `imu.acc(:,2)`), for a line of units
+    /// below the names, or for a number that replaces a repeated name.
     pub label: Option<String>,
-    /// Whether it holds dates with the time of day.
+    /// The calendar, if it holds dates with the time of day.
     pub calendar: Option<Calendar>,
-    /// Whether it holds times of day, and no column has their dates: they are read as of [`SOME_DAY`].
+    /// Whether it holds times of day and no column has their dates: they are read with the date [`SOME_DAY`].
     pub is_time_of_day: bool,
-    /// The numbers, of a calendar nanoseconds of GPS time; NaN where a cell is none.
+    /// The numbers; for a calendar, nanoseconds of GPS time. NaN if a cell is not a number.
     pub values: Vec<f64>,
 }
 
 /// Dates with the time of day.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Calendar {
-    /// The scale that is named, as designs write it; `utc` where none is.
+    /// The scale named in the cells, as designs write it; `utc` by default.
     pub scale: &'static str,
-    /// The column of the date, where the cells hold the time of day alone.
+    /// The column of the date, if the cells hold only the time of day.
     pub date: Option<usize>,
 }
 
-/// The day of times of day of which nobody tells the date.
+/// The date used for times of day without a date.
 pub const SOME_DAY: &str = "2000-01-01";
 
 /// A second of GPS time as a date and time of day of UTC, such as `2025-07-08T19:34:18Z`.
@@ -91,13 +92,13 @@ pub fn utc_text(gps_seconds: i64) -> String {
     super::decode::utc_text(gps_seconds)
 }
 
-/// Seconds of GPS time of a date and time of day, of UTC where it names no scale.
+/// Seconds of GPS time of a date and time of day; UTC if the text names no scale.
 #[must_use]
 pub fn gps_of_text(text: &str) -> Option<f64> {
     Scale::guessed(text).map(|(_, count)| count as f64 * 1e-9)
 }
 
-/// Seconds of GPS time of seconds since 1970-01-01 UTC, to which leap seconds are added; `None` beyond any log.
+/// Converts seconds since 1970-01-01 UTC to seconds of GPS time, with leap seconds; `None` beyond any log.
 #[must_use]
 pub fn gps_of_unix(seconds: f64) -> Option<f64> {
     let count = Origin::Unix.instant((seconds * 1e9) as i128)?;
@@ -105,7 +106,7 @@ pub fn gps_of_unix(seconds: f64) -> Option<f64> {
 }
 
 impl Column {
-    /// What it is called.
+    /// The label, or else the name.
     #[must_use]
     pub fn called(&self) -> &str {
         self.label.as_deref().unwrap_or(&self.name)
@@ -113,7 +114,7 @@ impl Column {
 }
 
 impl Table {
-    /// Reads all of a file, as its [`LogFormat`] reads it.
+    /// Reads a whole file with its [`LogFormat`].
     ///
     /// # Errors
     /// It cannot be opened or read.
@@ -130,7 +131,7 @@ impl Table {
         first.ok_or_else(|| DataError::new(path.display().to_string(), "there is no table in this file").into())
     }
 
-    /// All rows of a file of this format, which has names for its columns.
+    /// All rows of a file of this format, whose columns have names.
     ///
     /// # Errors
     /// It cannot be read.
@@ -172,7 +173,7 @@ impl Table {
         Ok(table)
     }
 
-    /// Calls columns by their numbers that the file calls alike.
+    /// Names columns by their numbers if the file gives them the same name.
     fn number_twins(&mut self) {
         let names: Vec<String> = self.columns.iter().map(|c| c.name.clone()).collect();
         for (k, column) in self.columns.iter_mut().enumerate() {
@@ -183,7 +184,7 @@ impl Table {
         }
     }
 
-    /// With all rows.
+    /// Adds all rows.
     fn filled(mut self, mut rows: impl RawRows) -> Result<Self, SourceError> {
         let named = rows.columns().iter().map(|name| Column {
             name: name.clone(),
@@ -218,7 +219,7 @@ impl Table {
         }
     }
 
-    /// Which columns hold dates, by their first cells.
+    /// Finds the columns that hold dates, by their first cells.
     fn find_calendars(&mut self) {
         let first: Vec<String> = self.columns.iter().map(|c| c.first.clone()).collect();
         for (column, text) in self.columns.iter_mut().zip(&first) {
@@ -235,14 +236,14 @@ impl Table {
         }
     }
 
-    /// How many rows it has.
+    /// The number of rows.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, |c| c.values.len())
     }
 }
 
-/// The instant in a column of the row at hand, in nanoseconds of GPS time.
+/// The instant in a column of the current row, in nanoseconds of GPS time.
 fn instant(calendar: &Calendar, row: &impl RawRows, column: usize) -> Option<i128> {
     let text = row.cell(column).shown();
     let read = match calendar.date {
@@ -252,15 +253,15 @@ fn instant(calendar: &Calendar, row: &impl RawRows, column: usize) -> Option<i12
     Some(read?.1)
 }
 
-/// Whether a field is no number but a stamp: a date with its time of day, one of both beside the other among these fields,
-/// or a time of day.
+/// Returns true if a field is a stamp and not a number: a date with its time of day, a time of day, or a date whose
+/// time of day is another of these fields.
 fn is_stamp(field: &str, fields: &[String]) -> bool {
     let is_of = |date: &str, time: &str| Scale::guessed_of_day(date, time).is_some();
     Scale::guessed(field).is_some() || is_of(SOME_DAY, field) || fields.iter().any(|other| is_of(other, field) || is_of(field, other))
 }
 
 impl Table {
-    /// The declaration of a file of which nothing but its head is known; the column of time is not looked at.
+    /// The declaration of a file of which only the head is known; it has no column of time.
     fn spec(&self) -> Result<CsvSpec, SourceError> {
         let path = &self.path;
         let unreadable = |why: String| SourceError::from(DataError::new(path.display().to_string(), why));

@@ -6,21 +6,21 @@ use crate::rows::width;
 use fusion_core::time::Time;
 use fusion_models::registry::Registration;
 
-/// A source's example, opened over files that are there and hold `rows` rows, delivers rows as wide
-/// as its channels, of finite numbers, numbered upwards, their stamps never going back; the open
-/// stream has the channels that the declaration says; and the report counts what was delivered and
-/// what was left out, which together are the rows of the files.
+/// Checks a source's example, opened over existing files with `rows` rows. Its rows must be as wide as its
+/// channels, finite and numbered upwards, and their stamps must never go back. The open stream must have the
+/// declared channels. The report must count the delivered and the left-out rows, and their sum must be the
+/// rows of the files.
 ///
 /// # Errors
-/// A sentence naming what is wrong with which source.
+/// A sentence that names the source and its mistake.
 pub fn check(r: &Registration, context: &OpenContext, rows: u64) -> Result<(), String> {
     law(r, context, rows).map_err(|e| format!("source `{}`: {e}", r.name))
 }
 
-/// What a registration's example declares.
+/// The declaration in a registration's example.
 ///
 /// # Errors
-/// What is wrong with the example.
+/// The mistake in the example.
 pub fn example(r: &Registration) -> Result<Box<dyn SourceSpec>, String> {
     let (document, mistakes) = Document::parse("example.toml", &format!("type = {:?}\n{}", r.name, r.example));
     let mut d = Diagnostics::new();
@@ -66,7 +66,7 @@ fn law(r: &Registration, context: &OpenContext, rows: u64) -> Result<(), String>
     Ok(())
 }
 
-/// What a declared source reads.
+/// The rows that a declared source reads.
 #[cfg(test)]
 pub(super) mod recorded {
     use super::*;
@@ -74,7 +74,7 @@ pub(super) mod recorded {
     use serde::de::DeserializeOwned;
     use std::path::Path;
 
-    /// Nanoseconds of the log and the numbers of each row.
+    /// The time of the log in nanoseconds and the numbers, for each row.
     pub(in super::super) type Rows = Vec<(i64, Vec<f64>)>;
 
     /// A source as declared.
@@ -84,7 +84,7 @@ pub(super) mod recorded {
         document.root().read(&mut diagnostics).unwrap_or_else(|| panic!("{diagnostics}"))
     }
 
-    /// All rows, or what is wrong.
+    /// All rows, or the error.
     pub(in super::super) fn rows(spec: &dyn SourceSpec, data_dir: &Path) -> Result<Rows, String> {
         let context = OpenContext {
             data_dir: data_dir.to_owned(),
@@ -109,7 +109,7 @@ mod tests {
     /// Rows of a generated file.
     const ROWS: u64 = 60;
 
-    /// The content of the file that a source's example reads, [`ROWS`] rows, some of them not valid.
+    /// The content of the file that a source's example reads: [`ROWS`] rows, some of them not valid.
     fn fixture(name: &str) -> Option<Vec<u8>> {
         match name {
             "csv" => {

@@ -1,21 +1,21 @@
-//! How much of the files of a run is still to be read.
+//! Counts the bytes of the files of a run that are still to be read.
 
 use std::io::{Read, Result};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Bytes of open files that are still to be read, as they lie on the disk. Clones count together.
+/// Bytes of open files that are still to be read, as stored on disk. Clones share one count.
 #[derive(Clone, Debug, Default)]
 pub struct Unread(Arc<AtomicU64>);
 
 impl Unread {
-    /// So many bytes.
+    /// The number of bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Counts what is read of `file`, of which `left` bytes are to come.
+    /// Counts the bytes read of `file`, of which `left` bytes are still to be read.
     pub(super) fn count<R>(&self, file: R, left: u64) -> Counted<R> {
         self.0.fetch_add(left, Ordering::Relaxed);
         let all = self.clone();
@@ -23,7 +23,7 @@ impl Unread {
     }
 }
 
-/// A file of which is counted what is read. What is left of it when it is closed is not to be read any more.
+/// A file whose read bytes are counted. When it is closed, its remaining bytes no longer count as unread.
 #[derive(Debug)]
 pub(super) struct Counted<R> {
     file: R,
@@ -32,7 +32,7 @@ pub(super) struct Counted<R> {
 }
 
 impl<R> Counted<R> {
-    /// A file that grows while it is read has not more to come than when it was opened.
+    /// A file that grows while it is read counts with its size at opening.
     fn has_read(&mut self, bytes: u64) {
         let counted = bytes.min(self.left);
         self.left -= counted;

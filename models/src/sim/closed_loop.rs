@@ -1,9 +1,9 @@
-//! A vehicle that is controlled by what it knows of itself.
+//! A vehicle that is controlled by its own estimate.
 //!
-//! The vehicle moves on in steps of a hundredth of a second, whatever sensors there are; between two of
-//! them velocity and roll, pitch, heading change linearly with time and position is the integral of
-//! velocity. So a strapdown process that is fed what perfect sensors read at these instants reproduces the
-//! motion. A command holds from the step after the instant at which the controller gives it. The vehicle
+//! The vehicle moves in steps of a hundredth of a second, for any set of sensors. Within a step,
+//! velocity and roll, pitch, heading change linearly with time, and position is the integral of
+//! velocity. So a strapdown process reproduces the motion from the readings of perfect sensors at these instants.
+//! A command holds from the step after the instant at which the controller gives it. The vehicle
 //! stands while its filter has no estimate.
 
 use super::control::{Control, Goal, Seen};
@@ -20,10 +20,10 @@ use std::collections::VecDeque;
 /// A step of the vehicle \[ns\].
 const STEP: i64 = 10_000_000;
 
-/// Commands that a vehicle has had: given again, they lead it the same way.
+/// Commands that a vehicle has received: given again, they produce the same motion.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Script {
-    /// By the instant from which on each holds, in order.
+    /// Each command with the instant from which it holds, in order.
     pub commands: VecDeque<(Time, Command)>,
     /// When the run ends.
     pub end: Time,
@@ -35,15 +35,15 @@ pub struct ClosedLoop {
     vehicle: Box<dyn Vehicle>,
     control: Box<dyn Control>,
     rate: f64,
-    /// Those that are not done, the first being the one at hand.
+    /// The unfinished tasks; the first is in progress.
     tasks: VecDeque<Box<dyn Task>>,
     leg: Option<Running>,
     record: Record,
-    /// Where the path asked for has come to; none where only the run shows it.
+    /// The end of the requested path so far; `None` if only the run shows it.
     asked: Option<Vector2<f64>>,
     start: Vector3<f64>,
     command: Command,
-    /// What was asked for so far, or will be.
+    /// The past commands, or in a replay the commands to come.
     script: Script,
     is_replayed: bool,
     /// The ends of the step at hand.
@@ -54,16 +54,16 @@ pub struct ClosedLoop {
     end: Time,
 }
 
-/// A mission, and what carries it out.
+/// A mission, with its vehicle and controller.
 #[derive(Debug)]
 pub struct Crew {
     /// The vehicle.
     pub vehicle: Box<dyn Vehicle>,
     /// Its controller.
     pub control: Box<dyn Control>,
-    /// How often that runs \[Hz\].
+    /// How often the controller runs \[Hz\].
     pub rate: f64,
-    /// What is to be done, in order.
+    /// The tasks, in order.
     pub tasks: Vec<Box<dyn Task>>,
     /// When the run ends at the latest \[s\].
     pub longest: f64,
@@ -99,7 +99,7 @@ impl ClosedLoop {
         }
     }
 
-    /// The vehicle of `crew` under the commands of `script`, whatever its controller would say.
+    /// The vehicle of `crew` under the commands of `script`; its controller is ignored.
     #[must_use]
     pub fn replayed(crew: Crew, plane: Plane, script: Script) -> Self {
         let end = script.end;
@@ -111,7 +111,7 @@ impl ClosedLoop {
         }
     }
 
-    /// From here on the vehicle is asked for this.
+    /// From now on this command holds.
     fn ask(&mut self, command: Command) {
         if command != self.command {
             self.command = command;
@@ -301,7 +301,7 @@ mod tests {
         spec.world(Geodetic::new(0.63, 2.2593, -23.0), Gravity::default(), 1, None).unwrap()
     }
 
-    /// A pilot that knows where it is: what is true, in the plane.
+    /// The true state in the plane, for a pilot with a perfect estimate.
     fn seen(world: &ClosedLoop) -> Seen {
         let motion = world.motion_at(world.truth.time);
         Seen {
@@ -335,7 +335,7 @@ mod tests {
             worst = [worst[0].max(off), worst[1].max(slower), worst[2].max(turned)];
         }
         assert!(world.record.is_done && k > 5000, "{k}");
-        // 1e-5 m, 1e-6 m/s, 1e-10 rad: position is the integral of velocity, so what is left is rounding,
+        // 1e-5 m, 1e-6 m/s, 1e-10 rad: position is the integral of velocity. The rest is rounding,
         // which the vertical channel doubles every 400 s, and the curvature of the Earth.
         assert!(worst[0] < 1e-5 && worst[1] < 1e-6 && worst[2] < 1e-10, "{worst:?}");
     }

@@ -4,7 +4,7 @@
 //! M          I + diag(scale factor) + misalignment off the diagonal, drawn once
 //! b          turn-on constant + first-order Gauss-Markov + random walk
 //! w          white, sampled: σ = N/√Δt for a density N, Δt the interval of the sample
-//! Then       quantised, what is cut off being carried into the next sample: no angle is lost
+//! Then       quantised; the remainder is added to the next sample: no angle is lost
 //! Numbers    of a preset, 1σ (`consumer` by order of magnitude):
 //!
 //! | preset       | gyro: bias, Gauss-Markov, noise           | accelerometer: the same                |
@@ -91,7 +91,7 @@ macro_rules! triad_spec {
     };
 }
 triad_spec!(
-    /// Errors of three gyroscopes: what differs from the preset.
+    /// Errors of three gyroscopes: the differences from the preset.
     GyroErrorSpec,
     GyroDriftSpec,
     dim::AngularRate,
@@ -99,7 +99,7 @@ triad_spec!(
     dim::RateRandomWalk
 );
 triad_spec!(
-    /// Errors of three accelerometers: what differs from the preset.
+    /// Errors of three accelerometers: the differences from the preset.
     AccelerometerErrorSpec,
     AccelerometerDriftSpec,
     dim::Acceleration,
@@ -116,10 +116,10 @@ pub struct ImuErrorSpec {
     /// The unit to start from: `perfect` (the default), `hg1700`, `navigation` or `consumer`.
     #[serde(default)]
     preset: ImuPreset,
-    /// What differs for the gyroscopes.
+    /// Differences from the preset for the gyroscopes.
     #[serde(default)]
     gyro: GyroErrorSpec,
-    /// What differs for the accelerometers.
+    /// Differences from the preset for the accelerometers.
     #[serde(default)]
     accelerometer: AccelerometerErrorSpec,
 }
@@ -188,7 +188,7 @@ pub struct ImuError {
 }
 
 impl ImuError {
-    /// Draws what is constant over the run of that `seed`.
+    /// Draws the errors that are constant over the run with this `seed`.
     #[must_use]
     pub fn new(spec: &ImuErrorSpec, seed: u64) -> Self {
         let (gyro, accelerometer) = spec.preset.numbers();
@@ -198,8 +198,8 @@ impl ImuError {
         }
     }
 
-    /// Moves the errors on by `dt` seconds and returns what is measured where `truth` is the mean
-    /// over them.
+    /// Advances the errors by `dt` seconds and returns the measurement if `truth` is the mean
+    /// over this time.
     #[must_use]
     pub fn measure(&mut self, truth: &Sample, dt: f64) -> Sample {
         Sample {
@@ -237,7 +237,7 @@ struct Triad {
     markov: Markov,
     walk: Vector3<f64>,
     map: Matrix3<f64>,
-    /// What quantisation has not passed on yet, times seconds.
+    /// The remainder of quantisation that is not output yet, times seconds.
     rest: Vector3<f64>,
     walking: Random,
     white: Random,
@@ -272,12 +272,12 @@ impl Triad {
     }
 
     fn bias(&self) -> Vector3<f64> {
-        // Number by number: what was written so is slow to be read as a whole right after.
+        // Number by number: numbers that were just written one by one are slow to read as a whole.
         let slow = self.markov.state();
         Vector3::from_fn(|i, _| self.constant[i] + slow[i] + self.walk[i])
     }
 
-    /// What has no size is not drawn: every purpose has a generator of its own, so no other draw changes.
+    /// An error of size 0 is not drawn. Every purpose has its own generator, so no other draw changes.
     fn measure(&mut self, truth: &Vector3<f64>, dt: f64) -> Vector3<f64> {
         if self.step.0 != dt {
             self.step = (dt, dt.sqrt());

@@ -1,4 +1,4 @@
-//! Inverse mechanisation: what perfect inertial sensors read between two states.
+//! Inverse mechanisation: the readings of perfect inertial sensors between two states.
 //!
 //! [`sample`] solves [`step`](crate::process::strapdown::mechanisation::step) for its inputs: given Nav and Nav⁺ it returns the `w_ib_b`, `f_ib_b`
 //! for which `step(Nav, w, f, dt)` has the velocity and attitude of Nav⁺ up to rounding.
@@ -70,7 +70,7 @@ fn between(from: &Nav, phi: &Vector3<f64>, dv_n: &Vector3<f64>, dt: f64) -> Samp
 /// Which neighbour a process corrects a sample by, for coning and sculling.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Correction {
-    /// None: the samples are taken as they come.
+    /// None: the samples are used unchanged.
     #[default]
     None,
     /// The sample before.
@@ -80,8 +80,8 @@ pub enum Correction {
 }
 
 impl Correction {
-    /// What `process` does, which the neighbours tell that it wants: those of a process driven by an
-    /// inertial unit are for these corrections.
+    /// The correction of `process`. It follows from the neighbours that its preparation waits for: a process driven by
+    /// an inertial unit uses them for these corrections.
     #[must_use]
     pub fn of(process: &dyn Process) -> Self {
         let inertial = imu_channels().iter().map(|c| c.width).sum::<usize>();

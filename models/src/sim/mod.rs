@@ -6,7 +6,7 @@
 //! the filter linearises is the model that is simulated. [`Simulator`] merges all of it into rows
 //! in order of their stamps.
 //!
-//! What is absent here: no estimator, no file, no global generator. A run is a function of its
+//! This module has no estimator, no file, no global generator. A run is a function of its
 //! declaration and one seed.
 
 mod closed_loop;

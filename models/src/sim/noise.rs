@@ -53,7 +53,7 @@ pub struct SensorError {
     error: Vec<f64>,
 }
 
-/// The values for the rows of a residual, none of them negative.
+/// The non-negative values for the rows of a residual.
 fn per_row(given: &PerAxis, rows: &[Dimension], field: &str) -> Result<Vec<f64>, BuildError> {
     given.si::<range::NonNegative>(rows).map_err(|e| BuildError::quantity(field, &e))
 }
@@ -93,7 +93,7 @@ impl SensorError {
         })
     }
 
-    /// What lasts of the error of a residual row now: what is constant, and what varies slowly.
+    /// The lasting part of a residual row's error now: the constant part, and the part that varies slowly.
     pub(super) fn lasting(&self, row: usize) -> f64 {
         self.bias[row] + self.markov.as_ref().map_or(0.0, |m| m.state()[row])
     }

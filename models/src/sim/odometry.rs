@@ -60,8 +60,8 @@ impl Odometry {
         }
     }
 
-    /// What it measures over the interval that ends at `time` where the body is at `nav`; the first
-    /// sample, which no interval led to, is that of a body at rest.
+    /// Measures over the interval that ends at `time` with the body at `nav`. The first
+    /// sample has no interval: it is the sample of a body at rest.
     pub(super) fn measure(&mut self, time: Time, nav: &Nav) -> [f64; 3] {
         let pose = (self.frame.to_ned(&nav.position), so3::to_rpy(&nav.q_nb).z);
         let before = self.last.replace((time, pose));
@@ -85,7 +85,7 @@ fn arc_between((from, start): &Pose, (to, end): &Pose, dt: f64) -> [f64; 3] {
     let turn = wrap(end - start);
     let way = to - from;
     let in_body = so3::from_rpy(0.0, 0.0, *start).inverse_transform_vector(&Vector3::new(way.x, way.y, 0.0));
-    // About its own axis Γ₁ keeps what is down: its inverse is that of the plane.
+    // About the down axis, Γ₁ keeps the down component: its inverse is the inverse in the plane.
     let mean = gamma(1, &Vector3::new(0.0, 0.0, turn)).try_inverse().unwrap_or_default() * in_body;
     [mean.x / dt, mean.y / dt, turn / dt]
 }

@@ -151,7 +151,7 @@ impl Along {
                     let help = "state a `speed`; to stop at the end, `end_speed = 0`";
                     return Err(BuildError::at("speed", "no distance is covered at speed 0").help(help));
                 }
-                // A rounding short of a distance that the changes of speed just fill is no mistake.
+                // The changes of speed may fill the distance exactly: a rounding below that is allowed.
                 let rest = distance - least;
                 if rest < -1e-9 * distance {
                     let takes = format!("too short: the changes of speed alone take {least:.3} m");

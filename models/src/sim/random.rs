@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// A generator of its own.
+/// The generator of one purpose.
 #[derive(Clone, Debug)]
 pub(super) struct Random(ChaCha8Rng);
 

@@ -1,7 +1,7 @@
 //! The sea under a boat: a current that carries it, and waves that move it.
 //!
-//! Path     p(t) = p_w(t) + ∫ c dt + d(t): what the trajectory says is done in the water, c the current, which changes
-//!          evenly between the instants of its tide, d the waves
+//! Path     p(t) = p_w(t) + ∫ c dt + d(t): p_w the trajectory through the water, c the current, which changes
+//!          linearly between the instants of its tide, d the waves
 //! Waves    d = Σᵢ a \[cos θ sin ωᵢt, sin θ sin ωᵢt, −cos ωᵢt\], each with a phase: the boat goes round as the water of
 //!          deep-water waves does, up and ahead (towards θ) on the crest. Three frequencies about the mean one, of the
 //!          same amplitude a = √(2/3) σ, so that waves come in groups; σ, the standard deviation of heave, is a
@@ -27,9 +27,9 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct SeaSpec {
     /// Velocity of the water over ground, north east down: the truth of the parameter `current` of every sensor that
-    /// declares one, fixed or estimated. Without it the water stands, and a `current` is true as other parameters are.
+    /// declares one, fixed or estimated. Without it the water stands, and `current` is true like any other parameter.
     current: Option<Vec3Of<dim::Speed>>,
-    /// What becomes of the current, in order of time: it changes evenly from each to the next, and stays at the last.
+    /// Later values of the current, in order of time. It changes linearly from each to the next, and stays at the last.
     #[serde(default)]
     tide: Vec<TideSpec>,
     /// The waves; without them the water is flat.
@@ -95,7 +95,7 @@ impl SeaSpec {
         here
     }
 
-    /// Refuses a tide that does not go on in time, or that nothing precedes.
+    /// Refuses a tide whose entries are not in order of time, or that has no current at the start.
     pub(super) fn check(&self) -> Result<(), BuildError> {
         if self.current.is_none() && !self.tide.is_empty() {
             let help = "add `current`: the velocity of the water at the start";
@@ -123,7 +123,7 @@ pub(super) struct Current {
     moved: Vector3<f64>,
     /// Over ground \[m/s\].
     pub(super) velocity: Vector3<f64>,
-    /// How fast that changes \[m/s²\].
+    /// How fast the velocity changes \[m/s²\].
     change: Vector3<f64>,
 }
 
@@ -135,7 +135,7 @@ const WAVES: [(f64, f64); 3] = [(0.75, 0.0), (1.0, 2.0), (1.2, 4.0)];
 const RISE: f64 = 2.0;
 
 impl SeaSpec {
-    /// What becomes of a motion in the water after `t` seconds.
+    /// Adds current and waves after `t` seconds to a motion in the water.
     pub(super) fn carry(&self, t: f64, motion: &mut Motion) {
         let current = self.current(t);
         motion.position += current.moved;
@@ -275,7 +275,7 @@ mod tests {
             up_lean += m.position.z * m.rpy.x;
             way_lean += m.position.y * m.rpy.x;
         }
-        // Orbits: the speed ahead is ω times the height. 5 %: the mean ω of the three is 0.983 of that of the period.
+        // Orbits: the speed ahead is ω times the height. 5 %: the mean ω of the three waves is 0.983 of 2π/period.
         let ahead = up_ahead / (up_up * TAU / 6.0);
         assert!((ahead - 1.0).abs() < 0.05, "{ahead}");
         assert!(way_lean > 0.0 && up_lean.abs() < 0.01 * way_lean, "{up_lean} {way_lean}");

@@ -1,14 +1,14 @@
-//! A ship, moored or under way, and what it carries: GPS, attitude reference, acoustic system. A platform is one of
-//! several, with a name.
+//! A ship, moored or under way, and its instruments: GPS, attitude reference, acoustic system. A platform is a further
+//! ship, with a name.
 //!
-//! Ship       its reference point goes along the mean heading at a steady speed, and runs round a circle about that
-//!            way; roll, pitch and yaw are sines. The phases are drawn. Axes of the ship forward-right-down
-//! Pose       what is true of the states of a sensor `vessel_pose`, which measures it with errors of its own
+//! Ship       its reference point moves along the mean heading at a steady speed, and on a circle about that
+//!            path; roll, pitch and yaw are sines. The phases are drawn. Axes of the ship forward-right-down
+//! Pose       the true value of the states of a sensor `vessel_pose`, which measures it with its own errors
 //! Streams    where declared: `ship_gps`: position of the antenna. `ship_attitude`: attitude. `transceiver`: slant range r,
 //!            bearing β from the transceiver's x axis towards y, depression δ below its x-y plane
 //! Acoustic   s = C_usᵀ [C_snᵀ (p + C_nb l_t − p_s) − l_u], r = (1 + κ)|s|; κ, the error of the speed of
-//!            sound, is drawn once. What is measured is valid when the transponder replies; its row is
-//!            stamped r/c + `processing` later, when it is there
+//!            sound, is drawn once. A measurement is valid when the transponder replies; its row is
+//!            stamped r/c + `processing` later, when it arrives
 //! Timing     the next measurement comes `least` plus the size of a normal number times `spread` later, or
 //!            anything from `least` to `most`, uniformly; and `least` later for each ping that is not heard, `longest`
 //!            in a row at most
@@ -30,8 +30,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// A ship near the vehicle, moored or under way. A sensor `vessel_pose` measures its pose; with `gps`, `attitude` and
-/// `usbl` it has instruments of its own.
+/// A ship near the vehicle, moored or under way. A sensor `vessel_pose` measures its pose. With `gps`, `attitude` and
+/// `usbl` the ship has its own instruments.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ShipSpec {
@@ -78,14 +78,14 @@ impl ShipSpec {
         }
     }
 
-    /// The streams of its instruments: their numbers in [`SHIP_STREAMS`], and their names; `platform` is its own name,
-    /// which the ship has not.
+    /// The streams of its instruments: their numbers in [`SHIP_STREAMS`], and their names. `platform` is the name of a
+    /// platform; `None` for the ship.
     pub fn streams(&self, platform: Option<&str>) -> impl Iterator<Item = (usize, String)> {
         let names = ship_instruments(platform).map(|(stream, _)| stream);
         names.into_iter().enumerate().filter(|(i, _)| self.has(*i))
     }
 
-    /// Refuses an instrument that is nowhere; `table` is that of the ship.
+    /// Refuses an instrument without a place; `table` is the table of the ship.
     pub(super) fn check(&self, table: &str) -> Result<(), BuildError> {
         let places = [
             ("antenna", "gps", self.antenna, self.has(0)),
@@ -160,12 +160,12 @@ pub struct TransceiverSpec {
     /// 1σ of white noise of bearing and depression.
     #[serde(default)]
     angle_white: Option<Axes<dim::Angle, range::NonNegative, 2>>,
-    /// 1σ of the error of the assumed speed of sound over the true one, less one, drawn once per run.
+    /// 1σ of the relative error of the assumed speed of sound (assumed/true − 1), drawn once per run.
     #[serde(default)]
     sound_speed_sigma: NonNegative<dim::Ratio>,
     /// Assumed speed of sound.
     sound_speed: Positive<dim::Speed>,
-    /// Time that the ship needs to make a row of what it has heard.
+    /// Time that the ship needs to make a row from a reply.
     #[serde(default)]
     processing: NonNegative<dim::Duration>,
 }
@@ -176,10 +176,10 @@ pub struct TransceiverSpec {
 struct IntervalSpec {
     /// The shortest interval, a millisecond at least.
     least: Positive<dim::Duration>,
-    /// Intervals are longer by the size of a normal number times this.
+    /// Intervals are longer by this times the magnitude of a normal number.
     #[serde(default)]
     spread: NonNegative<dim::Duration>,
-    /// The longest interval, where all between are as likely.
+    /// The longest interval of a uniform distribution.
     most: Option<Positive<dim::Duration>>,
 }
 
@@ -189,7 +189,7 @@ struct IntervalSpec {
 struct UnheardSpec {
     /// Their share.
     rate: Probability,
-    /// At most so many in a row.
+    /// The largest number of them in a row.
     longest: u32,
     /// Times at which the water is loud.
     loud: Option<LoudSpec>,
@@ -213,7 +213,7 @@ impl UnheardSpec {
     }
 }
 
-/// The streams of a ship with all its instruments; [`ship_channels`] has what is in them.
+/// The streams of a ship with all its instruments; [`ship_channels`] lists their channels.
 pub const SHIP_STREAMS: [&str; 3] = ["ship_gps", "ship_attitude", "transceiver"];
 
 /// The streams of the ship, or of the platform of that name, each with its table under `[simulation]`.
@@ -262,7 +262,7 @@ impl Sine {
     }
 }
 
-/// The ship as it lies there: stateful, seeded.
+/// The simulated ship: stateful, seeded.
 #[derive(Clone, Debug)]
 pub(super) struct Ship {
     spec: ShipSpec,
@@ -283,7 +283,7 @@ pub(super) struct Ship {
 }
 
 impl Ship {
-    /// `platform` is its own name, which the ship has not.
+    /// `platform` is the name of a platform; `None` for the ship.
     pub(super) fn new(spec: &ShipSpec, platform: Option<&str>, origin: Geodetic, seed: u64) -> Self {
         let of = platform.map_or_else(|| "ship".to_owned(), |name| format!("platform/{name}"));
         let random = |what: &str| Random::new(seed, &format!("{of}/{what}"));

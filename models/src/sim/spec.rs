@@ -1,4 +1,4 @@
-//! What `[simulation]` says.
+//! The table `[simulation]` of a design.
 
 use super::closed_loop::{ClosedLoop, Crew, Script};
 use super::control::ControlSpec;
@@ -38,27 +38,28 @@ pub struct SimulationSpec {
     pub odometry: Option<OdometryErrorSpec>,
     /// The instrument that measures how fast the tracks of the vehicle run: the stream `track_speeds`.
     pub track_speeds: Option<TrackSpeedsSpec>,
-    /// A ship near the vehicle: what a sensor `vessel_pose` measures, and the streams `ship_gps`, `ship_attitude` and
-    /// `transceiver` of the instruments that it has.
+    /// A ship near the vehicle. A sensor `vessel_pose` measures its pose. Its instruments have the streams `ship_gps`,
+    /// `ship_attitude` and `transceiver`.
     pub ship: Option<ShipSpec>,
-    /// Further ships, platforms or vehicles, by name: a sensor `vessel_pose` of the same name measures them. They have the
-    /// streams `NAME_gps`, `NAME_attitude` and `NAME_transceiver` of their instruments.
+    /// Further ships, platforms or vehicles, by name: a sensor `vessel_pose` of the same name measures them. Their
+    /// instruments have the streams `NAME_gps`, `NAME_attitude` and `NAME_transceiver`.
     #[serde(default)]
     pub platform: BTreeMap<String, ShipSpec>,
-    /// Where the inertial unit is, from the vehicle's reference point, in body axes. This point moves along the path; without
-    /// it the unit does. A lever arm from the unit to the point is the opposite: that of `nonholonomic`, for one.
+    /// Position of the inertial unit from the vehicle's reference point, in body axes. The reference point moves along
+    /// the path; without `unit`, the inertial unit does. A lever arm from the unit to this point, such as for
+    /// `nonholonomic`, is the opposite vector.
     #[serde(default)]
     pub unit: Vec3Of<dim::Length>,
     /// Rows per second of the `reference` stream: the truth; at most 1e9 rows in a run.
     #[serde(default = "reference_rate")]
     pub reference_rate: Positive<dim::Frequency>,
-    /// Whether estimated parameters are truly off their initial values, by a draw from their
-    /// declared sigma, and move as their declared dynamics say.
+    /// Whether the true values of estimated parameters differ from their initial values, by a draw from their
+    /// declared sigma, and move by their declared dynamics.
     #[serde(default)]
     pub draw_parameters: bool,
     /// Whether the filter starts at a draw about the truth, from the 1σ declared for each block of its
-    /// start, another one for each seed; what initialisers find from data stays as they find it.
-    /// Otherwise it starts at the values declared.
+    /// start; every seed gives another draw. Blocks that initialisers find from data stay unchanged.
+    /// Otherwise the filter starts at the declared values.
     #[serde(default)]
     pub draw_start: bool,
     /// Where the trajectory or the vehicle starts.
@@ -78,12 +79,12 @@ pub struct SimulationSpec {
     #[schemars(schema_with = "control_schema")]
     #[serde(default)]
     pub control: Option<Nested<dyn ControlSpec>>,
-    /// What it does, in order; the run ends with the last of these tasks.
+    /// The vehicle's tasks, in order; the run ends with the last task.
     #[schemars(schema_with = "mission_schema")]
     #[serde(default, deserialize_with = "crate::block::nested")]
     pub mission: Vec<Box<dyn TaskSpec>>,
-    /// Which variant of the design steers the vehicle, `"base"` for the design itself; without it the filter
-    /// that is run does. So filters are compared on the same way: that of the variant, which runs first.
+    /// The variant of the design that steers the vehicle, `"base"` for the design itself. Without it, the run's own
+    /// filter steers. With it, filters are compared on the same path: the path of this variant, which runs first.
     pub steered_by: Option<String>,
     /// When a run with a mission ends at the latest, done or not.
     pub longest: Option<Positive<dim::Duration>>,
@@ -132,7 +133,7 @@ impl SimulationSpec {
         Ok(trajectory.at_sea(sea.clone()))
     }
 
-    /// Refuses waves under what does not float.
+    /// Refuses waves under a vehicle that does not float.
     fn check_afloat(&self) -> Result<(), BuildError> {
         let help = "remove `waves`; a `current` may carry whatever moves through water";
         if self.odometry.is_some() {
@@ -148,7 +149,7 @@ impl SimulationSpec {
         }
     }
 
-    /// The vehicle and its mission; `seed` is that of the run.
+    /// The vehicle and its mission; `seed` is the seed of the run.
     pub(super) fn crew(&self, vehicle: &dyn VehicleSpec, seed: u64) -> Result<Crew, BuildError> {
         if !self.trajectory.is_empty() {
             let help = "remove `trajectory`; what the vehicle does is said by `mission`";
@@ -207,8 +208,8 @@ impl SimulationSpec {
         }
     }
 
-    /// The world that it declares, in the local axes at `origin`; `seed` is that of the run. A vehicle follows
-    /// `script`, if there is one.
+    /// The world that it declares, in the local axes at `origin`; `seed` is the seed of the run. A vehicle follows
+    /// `script` if it is given.
     ///
     /// # Errors
     /// [`BuildError`] of the trajectory, or of the vehicle and its mission.
@@ -254,8 +255,8 @@ impl SimulationSpec {
         .help(help))
     }
 
-    /// What is wrong with the run for a process whose samples consist of `input`, as far as the
-    /// declaration alone tells: the trajectory and the rates, and an inertial unit that is missing.
+    /// The errors of the run, for a process whose samples consist of `input`, that the declaration
+    /// alone shows: the trajectory and the rates, and a missing inertial unit.
     #[must_use]
     pub fn mistakes(&self, input: &[Channel]) -> Vec<BuildError> {
         let rates = self.duration().and_then(|duration| self.check_rates(duration));
@@ -273,7 +274,7 @@ impl SimulationSpec {
         all.into_iter().chain(ships).filter_map(Result::err).collect()
     }
 
-    /// Refuses a platform whose streams would be those of the ship.
+    /// Refuses a platform whose streams would have the names of the ship's streams.
     fn check_platforms(&self) -> Result<(), BuildError> {
         if self.platform.contains_key("ship") {
             let help = "rename the platform, or declare it as `[simulation.ship]`";
@@ -282,7 +283,7 @@ impl SimulationSpec {
         Ok(())
     }
 
-    /// Refuses tasks that nothing carries out.
+    /// Refuses tasks without a vehicle.
     fn check_mission(&self) -> Result<(), BuildError> {
         if self.mission.is_empty() || self.vehicle.is_some() {
             return Ok(());
@@ -291,7 +292,7 @@ impl SimulationSpec {
         Err(BuildError::at("mission", "a mission needs a vehicle").help(help))
     }
 
-    /// Refuses a process that is driven by a unit which there is not.
+    /// Refuses a process that is driven by a missing unit.
     pub(super) fn check_unit(&self, input: &[Channel]) -> Result<(), BuildError> {
         if input.contains(&channel::FORWARD_SPEED) {
             if self.odometry.is_some() {

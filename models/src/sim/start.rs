@@ -1,9 +1,9 @@
 //! The start of a filter in a simulated world, drawn about the truth.
 //!
-//! Each kinematic block whose start is declared, not found from data, starts at x̂ = x ⊞ δ, x being what is
-//! true at that instant and δ a draw from the declared covariance of the block, in the canonical chart: an
-//! attitude is turned by a rotation vector in body axes. So the errors that filters start with are those
-//! that they are told of, another one for each seed.
+//! A kinematic block whose start is declared, not found from data, starts at x̂ = x ⊞ δ. Here x is the true value
+//! at that instant and δ a draw from the declared covariance of the block, in the canonical chart: an
+//! attitude is turned by a rotation vector in body axes. So the initial errors of filters agree with their
+//! declared covariance, with another draw for each seed.
 
 use super::random::Random;
 use super::simulator::Known;
@@ -30,7 +30,7 @@ pub struct DrawnStart {
 }
 memory!(DrawnStart { ; begins, frame, gravity, blocks, seed });
 
-/// What is true when the filter starts.
+/// The truth when the filter starts.
 #[derive(Clone, Debug)]
 enum Begins {
     /// On a trajectory.
@@ -40,11 +40,11 @@ enum Begins {
 }
 
 impl DrawnStart {
-    /// For a filter with the state `layout` in the world of `spec`; the blocks that initialisers `found`
-    /// from data keep what those have found.
+    /// For a filter with the state `layout` in the world of `spec`. The blocks that initialisers `found`
+    /// from data keep their values.
     ///
     /// # Errors
-    /// [`BuildError`] within `[simulation]`, as where nothing is left to be drawn.
+    /// [`BuildError`] within `[simulation]`, for example if no block is left to draw.
     pub fn new(
         spec: &SimulationSpec,
         layout: &Layout,

@@ -1,7 +1,7 @@
 //! Simulated speeds of the tracks of a vehicle, as its drives measure them.
 //!
-//! True       the speeds with which the tracks run, whatever the ground makes of them: slip is in the way of the
-//!            vehicle and not in these numbers
+//! True       the speeds of the tracks themselves, on any ground: slip affects the motion of the
+//!            vehicle and not these numbers
 //! Measured   plus white noise
 //! Not here   scale and bias of the encoders
 
@@ -10,13 +10,13 @@ use crate::units::{NonNegative, Positive, dim};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// What measures the speeds of the tracks of a vehicle.
+/// The instrument that measures the speeds of a vehicle's tracks.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrackSpeedsSpec {
     /// Rows per second; at most 1e9 in a run.
     pub(super) rate: Positive<dim::Frequency>,
-    /// 1σ of white noise of each of them.
+    /// 1σ of the white noise of each speed.
     #[serde(default)]
     white: NonNegative<dim::Speed>,
 }
@@ -36,7 +36,7 @@ impl TrackSpeeds {
         }
     }
 
-    /// What it measures where the left and the right track run so fast.
+    /// The measurement for these speeds of the left and the right track.
     pub(super) fn measure(&mut self, tracks: [f64; 2]) -> [f64; 2] {
         tracks.map(|speed| speed + self.white * self.random.normal())
     }

@@ -234,7 +234,7 @@ mod tests {
                     "{ bump = { duration = 1, height = -0.05, pitch = '8 deg', heading = '5 deg', velocity = [0.6, 0, 0] } }".to_owned(),
                 );
             }
-            // Speed v for which distance = v (T − 1.875 v/a): what is lost in the two ramps.
+            // Speed v for which distance = v (T − 1.875 v/a); the second term is the loss in the two ramps.
             let (whole, ramp) = (time - turning - bump, 1.875 / 0.8);
             let speed = (whole - (whole * whole - 4.0 * ramp * distance).sqrt()) / (2.0 * ramp);
             segments.push(format!(

@@ -1,11 +1,11 @@
-//! The simulated world: what is true, step by step.
+//! The simulated world: the truth, step by step.
 //!
-//! A world is advanced from instant to instant. An open-loop trajectory is its simplest case; a
-//! vehicle with a controller that listens to the filter's own estimate is the general one.
+//! A world is advanced from instant to instant. An open-loop trajectory is the simplest case; a
+//! vehicle with a controller that uses the filter's own estimate is the general case.
 //!
-//! A trajectory lies on the plane that touches the ellipsoid at the origin: level at the origin
-//! is not level 10 km away, where that plane is 8 m above the ellipsoid. For a process that takes the
-//! Earth for that plane ([`Gravity::Flat`]) level is level everywhere: velocity and attitude are true in
+//! A trajectory is on the plane that touches the ellipsoid at the origin. Level at the origin
+//! is not level 10 km away, where that plane is 8 m above the ellipsoid. If the process treats the Earth as this
+//! plane ([`Gravity::Flat`]), level is the same everywhere: true velocity and attitude are in
 //! the axes at the origin.
 
 use super::closed_loop::Script;
@@ -22,7 +22,7 @@ use fusion_core::Time;
 use fusion_core::geometry::wgs84::Geodetic;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-/// What is true at one instant.
+/// The truth at one instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Truth {
     /// The instant; a world starts at time 0.
@@ -35,14 +35,14 @@ pub struct Truth {
 
 /// A world that is advanced step by step.
 pub trait World: Debug + Send {
-    /// What is true now.
+    /// The truth now.
     fn truth(&self) -> &Truth;
 
-    /// Moves on to `to`, not before now, and returns what is true then. Instants rather than
+    /// Advances to `to`, not before now, and returns the truth then. Instants rather than
     /// steps, so that no rounding adds up.
     fn advance(&mut self, to: Time) -> &Truth;
 
-    /// When it ends; a world that is steered may find out on the way.
+    /// When it ends; for a steered world this may become known only during the run.
     fn end(&self) -> Time {
         Time::MAX
     }
@@ -52,23 +52,23 @@ pub trait World: Debug + Send {
         false
     }
 
-    /// How often it is to be [steered](Self::steer) \[Hz\]; none where nothing influences it.
+    /// How often it must be [steered](Self::steer) \[Hz\]; `None` if nothing influences it.
     fn control_rate(&self) -> Option<f64> {
         None
     }
 
-    /// Whether it makes a difference `now` where the vehicle takes itself to be.
+    /// Whether the vehicle's own estimate makes a difference `now`.
     fn listens(&self, now: Time) -> bool {
         let _ = now;
         true
     }
 
-    /// Hears where the vehicle takes itself to be `now`; nothing before its filter has started.
+    /// Receives the vehicle's own estimate `now`; `None` before its filter has started.
     fn steer(&mut self, now: Time, seen: Option<&Seen>) {
         let _ = (now, seen);
     }
 
-    /// The speeds of the left and the right track of its vehicle now \[m/s\], where it runs on tracks.
+    /// The present speeds of its vehicle's left and right track \[m/s\], if it runs on tracks.
     fn tracks(&self) -> Option<[f64; 2]> {
         None
     }
@@ -88,7 +88,7 @@ pub trait World: Debug + Send {
 #[derive(Clone, Debug)]
 pub struct Plane {
     frame: LocalFrame,
-    /// From the local axes to Earth-centred ones; none where the Earth is a plane.
+    /// From the local axes to Earth-centred axes; `None` if the Earth is a plane.
     c_el: Option<Matrix3<f64>>,
     gravity: Gravity,
     /// The inertial unit from the point that moves along the path, in body axes \[m\].
@@ -96,7 +96,7 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// The one that touches the Earth at `origin`.
+    /// The plane that touches the Earth at `origin`.
     #[must_use]
     pub fn new(origin: Geodetic, gravity: Gravity) -> Self {
         let is_flat = matches!(gravity, Gravity::Flat(_));
@@ -145,7 +145,7 @@ impl Plane {
     }
 }
 
-/// A trajectory that nothing influences.
+/// A fixed trajectory, without control.
 #[derive(Debug)]
 pub struct OpenLoop {
     trajectory: Trajectory,
@@ -170,7 +170,7 @@ impl OpenLoop {
         world
     }
 
-    /// What is true at `time`, wherever the world is; its inertial sample is the mean over the
+    /// The truth at `time`, independent of the world's present time. Its inertial sample is the mean over the
     /// millisecond that follows.
     #[must_use]
     pub fn truth_at(&self, time: Time) -> Truth {

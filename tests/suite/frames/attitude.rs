@@ -1,4 +1,4 @@
-//! Attitudes, headings and magnetic fields; numbers that are not of this Earth.
+//! Attitudes, headings and magnetic fields; impossible numbers.
 
 use super::*;
 
@@ -50,7 +50,7 @@ fn wrong_axes_of_a_magnetometer_are_named_by_how_the_field_turns() {
     }
 }
 
-/// Two minutes of a unit that is turned by hand about all its axes, with the field of the Earth: rows at 50 Hz.
+/// Two minutes of a unit that is turned by hand about all its axes, in the field of the Earth: rows at 50 Hz.
 fn turned_by_hand(workspace: &Workspace) {
     let rate = |t: f64| Vector3::new(0.8 * (0.7 * t).sin(), 0.6 * (1.1 * t).cos(), 0.9 * (0.5 * t + 1.0).sin());
     let mut q = from_rpy(0.0, 0.0, 0.0);
@@ -102,7 +102,7 @@ fn gyros_that_turn_otherwise_than_the_field_are_accused_not_acquitted() {
     assert_eq!(warnings, "");
     let said = found.comparisons.iter().find(|c| c.what == "imu.magnetic_field").unwrap();
     assert_eq!(said.verdict, "as declared");
-    // Nothing else tells of the motion: that is said, of the rates too.
+    // No other channel measures the motion. The check says so, for the rates too.
     for channel in ["imu.specific_force", "imu.angular_rate"] {
         let said = found.comparisons.iter().find(|c| c.what == channel).unwrap();
         assert_eq!(
@@ -163,7 +163,7 @@ fn an_attitude_whose_vertical_is_up_and_one_in_another_unit_are_written_right() 
     let degrees = text.replace(quaternion, "rpy = [\"roll\", \"pitch\", \"yaw\"], unit = \"deg\"");
     let radians = degrees.replace("unit = \"deg\" }\n[reference]", "unit = \"rad\" }\n[reference]");
     assert_eq!(told_of(&workspace, &radians, &[]).0, "");
-    // Of the inverse of q, forward, left, up: of 300 s and of 50 s.
+    // The inverse of q, forward, left, up: with 300 s and with 50 s of data.
     let inverse = format!("{attitude}.quaternion=[\"qw\", \"-qx\", \"qy\", \"qz\"]");
     for (text, sets, write) in [
         (&text, vec![inverse.clone()], up),

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// What is declared wrongly, and the two lines that have to be told of it.
+/// The wrong declarations, and the two lines that the warning must contain.
 fn provoked() -> Vec<(Vec<String>, Vec<&'static str>)> {
     let both = |axes: &str| {
         vec![
@@ -146,7 +146,7 @@ fn a_sign_behind_a_declared_rotation_is_put_right_in_the_columns() {
     let workspace = Workspace::new("frames-rotation");
     drive(&workspace);
     let turned = "rotation={ axes = [\"y\", \"-z\", \"-x\"] }";
-    // x_body = y, y_body = -z, z_body = -x of the sensor: whose x, y, z are -z, x, -y of the body.
+    // x_body = y, y_body = -z, z_body = -x of the sensor. So the sensor's x, y, z are -z, x, -y of the body.
     let sets = |first: &str| {
         let channels = [(RATE, "w"), (FORCE, "f")].map(|(channel, l)| {
             let columns = format!("{channel}.columns=[\"{first}{l}z\", \"{l}x\", \"-{l}y\"]");
@@ -208,7 +208,7 @@ fn waves_do_not_accuse_a_unit_that_is_right() {
     assert!(sea.contains(RIGHT));
     w.write("log/wrong.toml", sea.replace(RIGHT, "\"-angular_rate_z [rad/s]\""));
     let said = |design: &str| {
-        // As JSON no sentence is broken.
+        // With JSON, sentences are not wrapped.
         let ran = w.fusion(&["check", design, "--data", "log", "--format", "json"]).success();
         (stderr(&ran), stdout(&ran))
     };
@@ -218,7 +218,7 @@ fn waves_do_not_accuse_a_unit_that_is_right() {
         "{warned}{compared}"
     );
     assert!(compared.contains("gnss_position.lever_arm"), "arms are judged: {compared}");
-    // Where waves hide a wrong sign, the field tells it, and nothing else is advised.
+    // If waves hide a wrong sign, the field shows it, and no other advice is given.
     let (warned, compared) = said("log/wrong.toml");
     assert_eq!(warned.matches("warning: ").count(), 1, "{warned}");
     assert!(

@@ -1,5 +1,5 @@
-//! Mistakes of axes, signs, units and lever arms, found by `fusion_advice::frames` from the data: each provoked on the log of
-//! the car and on a drive in closed form; none is told of a shipped design.
+//! Mistakes of axes, signs, units and lever arms, found by `fusion_advice::frames` from the data. Each is provoked on
+//! the log of the car and on a drive in closed form. Shipped designs give no warning.
 
 mod attitude;
 mod axes;
@@ -18,7 +18,7 @@ use nalgebra::Vector3;
 use std::fmt::Write;
 use std::path::Path;
 
-/// The warnings, and what the data say.
+/// The warnings, and the comparisons with the data.
 fn told(design: &Design, options: &Options) -> (String, Judged) {
     let judged = judge(design, options, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
     (judged.mistakes.to_string(), judged)
@@ -30,7 +30,7 @@ const FORCE: &str = "source.imu.channels.specific_force";
 
 const VELOCITY: &str = "source.gnss.channels.velocity";
 
-/// The design of the car without its reference: the course alone tells the attitude.
+/// The design of the car without its reference: only the course determines the attitude.
 fn car(has_reference: bool, sets: &[String]) -> Option<(Design, Options)> {
     let base = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/real");
     let file = base.join("pntos-car.toml");
@@ -64,7 +64,7 @@ fn no_frame_of_a_shipped_design_is_doubted() {
         let name = file.file_stem().unwrap().to_str().unwrap().to_owned();
         let (document, _) = Document::parse(&name, &std::fs::read_to_string(&file).unwrap());
         let variants = document.root().get("variant").map_or(&[][..], |v| v.entries());
-        // Only a variant with data of its own is another case; the others would be judged alike.
+        // Only a variant with other data is a separate case. The other variants would give the same result.
         let own = variants.iter().filter(|v| {
             v.node
                 .at("source")
@@ -79,7 +79,7 @@ fn no_frame_of_a_shipped_design_is_doubted() {
             assert_eq!(warnings, "", "{name} {variant:?}");
             judged += found.comparisons.len();
             for c in &found.comparisons {
-                // Half of what is certain: the next log is another one.
+                // Half of the limit for a warning: the next log will differ.
                 assert!(c.margin < 3.0, "{name} {variant:?}: {c:?}");
             }
         }
@@ -111,7 +111,7 @@ fn drive(workspace: &Workspace) {
         let t = f64::from(i) * 0.01;
         let (v, q) = (velocity(t), q(t));
         if i % 100 == 0 {
-            // 1σ that change with the sky.
+            // A 1σ that changes with the satellites in view.
             let sigma = 0.1 + 0.03 * (0.017 * t).sin();
             let row = [place.x, place.y, place.z, v.x, v.y, v.z, sigma, 1.2 * sigma, 2.0 * sigma];
             writeln!(gnss, "{t},{}", row.map(|n| n.to_string()).join(",")).unwrap();
@@ -194,7 +194,7 @@ fn told_of(workspace: &Workspace, text: &str, sets: &[String]) -> (String, Judge
 /// The log of a boat in waves, without a reference: `log/sea.toml`.
 fn rough_sea(w: &Workspace) -> String {
     w.fusion(&["new", "mine", "--from", "boat"]).success();
-    // Long enough for slow motion to tell, rough, and the antenna on a mast.
+    // Long enough for slow motion to be decisive, in rough water, with the antenna on a mast.
     let lines = "{ type = \"straight\", distance = \"100 m\" }, { type = \"turn\", angle = \"180 deg\", radius = \"15 m\" }, \
                  { type = \"straight\", distance = \"100 m\" }, { type = \"turn\", angle = \"-180 deg\", radius = \"15 m\" }, ";
     let way = format!(
@@ -208,7 +208,7 @@ fn rough_sea(w: &Workspace) -> String {
     ];
     let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set.as_str()]).collect();
     w.fusion(&[&["record", "mine.toml", "--out", "log"], &sets[..]].concat()).success();
-    // At sea there is no reference.
+    // A log from the sea has no reference.
     let recorded = w.read("log/design.toml");
     let tables = recorded.split_inclusive('\n').fold(Vec::<String>::new(), |mut tables, line| {
         match tables.last_mut() {
@@ -223,7 +223,7 @@ fn rough_sea(w: &Workspace) -> String {
     sea
 }
 
-/// The warnings of a recorded template.
+/// The warnings for a recorded template.
 fn warned(w: &Workspace, sets: &[&str]) -> String {
     let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();
     stderr(

@@ -23,7 +23,7 @@ fn a_position_that_everything_else_contradicts_is_what_is_wrong() {
             let (warnings, found) = told(&design, &options);
             assert_eq!(warnings.matches("warning: ").count(), 1, "{has_reference} {sets:?}:\n{warnings}");
             assert!(warnings.contains(help), "{has_reference} {sets:?}:\n{warnings}");
-            // Without a reference nothing but the velocity tells which way up is.
+            // Without a reference, only the velocity shows which direction is up.
             let is_open = !has_reference && sets[0].contains("height");
             assert!(warnings.contains("the position"), "{sets:?}:\n{warnings}");
             let accused = found.comparisons.iter().find(|c| c.what == "gnss.velocity").unwrap();
@@ -64,7 +64,7 @@ fn a_velocity_in_a_file_of_its_own_is_compared_with_the_position_and_no_sign_is_
     assert_eq!(warnings, "", "{:?}", found.comparisons);
     let with = found.comparisons.iter().find(|c| c.what == "doppler.velocity").unwrap();
     assert_eq!(with.with, "the slope of gnss.position");
-    // The road is level: nothing tells of down.
+    // The road is level: the log does not determine down.
     assert_eq!(with.verdict, "north, east as declared; down not decided");
     let exchanged = "source.doppler.channels.velocity.columns=[\"ve\", \"vn\", \"vd\"]".to_owned();
     let (warnings, _) = told_of(&workspace, &two, &[exchanged]);

@@ -1,10 +1,11 @@
-//! Fixed parameters of sensors, and what the filter does not follow.
+//! Fixed parameters of sensors, and sensors that the filter does not follow.
 
 use super::*;
 
 #[test]
 fn a_lever_arm_with_the_wrong_sign_is_named_on_the_car() {
-    // The reference's own point lies 1.2 m ahead of the inertial unit: fused, its velocity has that arm.
+    // The reference point is 1.2 m ahead of the inertial unit: if the reference is fused, its velocity has this lever
+    // arm.
     let fused = |arm: &str| {
         vec![
             "source.gnss.path=\"pntos_cobra_car/derived/ref_20hz.csv.gz\"".to_owned(),
@@ -25,7 +26,7 @@ fn a_lever_arm_with_the_wrong_sign_is_named_on_the_car() {
         "{warnings}"
     );
     assert!(warnings.contains("try `initial = [\"1.2 m\", \"0 m\", \"0 m\"]`"), "{warnings}");
-    // The antenna's own arm was found by fusing the log: 0, 0.3, −0.35 m. With a 1σ of a metre no sign is declared.
+    // The antenna's lever arm was found by fusing the log: 0, 0.3, −0.35 m. A 1σ of a metre declares no sign.
     for (sigma, is_told) in [("0.1 m", true), ("1 m", false)] {
         let arm = format!("sensor.gnss_position.lever_arm={{ estimate = true, initial = [0, \"-0.3 m\", 0], sigma = \"{sigma}\" }}");
         let (design, options) = car(true, &[arm]).unwrap();
@@ -42,7 +43,7 @@ fn a_lever_arm_with_the_wrong_sign_is_named_on_the_car() {
 fn a_fixed_parameter_that_the_data_contradict_is_told_and_no_other() {
     let w = Workspace::new("frames-parameters");
     rough_sea(&w);
-    // Each as it is declared of the log: 3.5 deg, 0, 0, −3 m ahead and 2.5 m above, none.
+    // Each as declared for the log: 3.5 deg, 0, 0, −3 m ahead and 2.5 m above, none.
     for (set, told) in [
         ("sensor.magnetometer.declination=\"12 deg\"", "`declination` of `magnetometer`"),
         ("sensor.log.scale=0.1", "`scale` of `log`"),
@@ -56,12 +57,12 @@ fn a_fixed_parameter_that_the_data_contradict_is_told_and_no_other() {
         assert_eq!(warned.matches("warning: ").count(), 1, "{set}:\n{warned}");
         assert!(warned.contains(&format!("warning: {told} is declared as")), "{set}:\n{warned}");
     }
-    // Both sensors of the receiver read one antenna.
+    // Both sensors of the receiver use the same antenna.
     let set = "sensor.gnss_velocity.lever_arm=[0, 0, 0]";
     let ran = w.fusion(&["check", "log/sea.toml", "--data", "log", "--set", set]).success();
     let shared = "here stands `lever_arm = { shared = \"gnss_position.lever_arm\" }`";
     assert!(stderr(&ran).contains(shared), "{}", stderr(&ran));
-    // An error that is small, and no chance.
+    // A small error that is not chance.
     let set = "sensor.magnetometer.declination=\"5 deg\"";
     let ran = w
         .fusion(&["check", "log/sea.toml", "--data", "log", "--format", "json", "--set", set])
@@ -80,16 +81,16 @@ fn recorded(w: &Workspace, template: &str) {
     w.fusion(&["record", "mine.toml", "--seed", "3", "--out", "log"]).success();
 }
 
-/// What is warned of, and what is listed, with these changes of a recorded log.
+/// The warnings and the listed parameters, with these changes of a recorded log.
 fn judged(w: &Workspace, sets: &[&str]) -> (String, String) {
     let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", *set]).collect();
-    // As JSON no sentence is broken.
+    // With JSON, sentences are not wrapped.
     let args = [&["check", "log/design.toml", "--data", "log", "--format", "json"], &sets[..]].concat();
     let ran = w.fusion(&args).success();
     (stderr(&ran), stdout(&ran))
 }
 
-/// Each with one warning, which has these words.
+/// Each case gives one warning, which contains these words.
 fn one_each(w: &Workspace, cases: &[(&[&str], &str, &str)]) {
     for (sets, told, help) in cases {
         let (warned, _) = judged(w, sets);
@@ -102,7 +103,7 @@ fn one_each(w: &Workspace, cases: &[(&[&str], &str, &str)]) {
 fn of_an_underwater_vehicle_the_cause_is_told_and_not_what_acts_like_it() {
     let w = Workspace::new("frames-auv");
     recorded(&w, "auv");
-    // Attitude and mounting of the transceiver cancel: as states both go away from what is right.
+    // Attitude and mounting of the transceiver compensate each other: as states, both move away from the true values.
     let (warned, listed) = judged(&w, &[]);
     assert_eq!(warned, "");
     assert!(listed.contains("the data do not tell it from others: alone it is"), "{listed}");
@@ -148,7 +149,7 @@ fn of_an_odometer_sign_unit_scale_and_delay_are_told() {
             "the numbers of `odometer` are too large by a factor of 3.5",
             "leave it out",
         ),
-        // Before that of a mounting, which would act like it.
+        // Reported in preference to a mounting, which would have the same effect.
         (
             &["source.odometer.time.offset=\"-0.5 s\"", "sensor.odometer.time_offset=\"0.1 s\""],
             "`time_offset` of `odometer` is declared as",
@@ -159,13 +160,13 @@ fn of_an_odometer_sign_unit_scale_and_delay_are_told() {
             "`time_offset` of `odometer` is left out",
             "in all the delay is 0.0",
         ),
-        // A latency that is declared too large is no negative one.
+        // A declared latency that is too large is not a negative latency.
         (
             &["source.gnss.channels.position.latency=\"0.3 s\""],
             "`time_offset` of `gnss_position` is left out",
             "in all the delay is -0.00",
         ),
-        // Where it would be, the other clock is late.
+        // If the total is negative, the other clock is late.
         (
             &["source.imu.time.offset=\"0.2 s\""],
             "the stamps of `imu` are about 0.17 s late",
@@ -175,7 +176,7 @@ fn of_an_odometer_sign_unit_scale_and_delay_are_told() {
     one_each(&w, &cases);
 }
 
-/// Of a sensor that is followed badly; which trial ends last is left to the threads.
+/// For a sensor that the filter follows badly. The threads determine which trial ends last.
 fn what_is_tried_is_told(w: &Workspace) {
     let file = w.path("log/design.toml");
     let (mut document, _) = Document::parse("design.toml", &w.read("log/design.toml"));

@@ -17,16 +17,16 @@ use nalgebra::Vector3;
 /// Where the reference epochs of a run come from.
 #[derive(Debug)]
 pub(super) enum Reference {
-    /// There is none.
+    /// The run has no reference.
     None,
-    /// Read before the run, in order of time; the points of its sources in body axes \[m\].
+    /// Epochs read before the run, in order of time, and the points of their sources in body axes \[m\].
     Ahead(Vec<ReferenceEpoch>, Vec<Vector3<f64>>),
     /// Rows of a stream among those of the run.
     Along(StreamId, Box<Scored>),
 }
 
 impl Reference {
-    /// That of a simulated world.
+    /// The reference of a simulated world.
     pub(super) fn simulated(assembly: &Assembly) -> Self {
         let mut streams = assembly.streams.iter().enumerate();
         let found = streams.find(|(_, stream)| stream.name == crate::world::REFERENCE);
@@ -46,7 +46,7 @@ impl Reference {
         Ok(())
     }
 
-    /// The epochs of a row of the run; `None` where it is no row of the reference.
+    /// The epochs of a row of the run; `None` if the row is not from the reference.
     pub(super) fn epochs(&self, row: &Row<'_>) -> Option<Vec<ReferenceEpoch>> {
         match self {
             Self::Along(stream, scored) if *stream == row.stream => Some(scored.epochs(row.time, row.values)),
@@ -54,7 +54,7 @@ impl Reference {
         }
     }
 
-    /// Whether there is nothing to be scored against.
+    /// Returns true if there is nothing to score against.
     pub(super) const fn is_empty(&self) -> bool {
         match self {
             Self::None => true,
@@ -63,9 +63,9 @@ impl Reference {
         }
     }
 
-    /// How a design is scored against it; `outages` are those whose drift is told.
+    /// How a design is scored against it; the drift is reported for each of the `outages`.
     ///
-    /// The trajectory of one of many runs is compared only if the design asks for it: nobody reads so many.
+    /// The trajectory of one of many runs is compared only if the design asks for it: a campaign has too many to read.
     pub(super) fn rules(&self, design: &Design, layout: &Layout, outages: &[Outage], is_one_of_many: bool) -> Rules {
         let spec = design.reference.as_ref().map(|r| &r.block);
         Rules {
@@ -80,8 +80,8 @@ impl Reference {
         }
     }
 
-    /// What compares estimates with it, if there is one; what was read ahead goes there. A simulated truth is
-    /// that of the body origin.
+    /// The comparison of estimates with the reference, if there is a reference. It takes the epochs that were read
+    /// ahead. A simulated truth is at the body origin.
     pub(super) fn comparison(&mut self) -> Option<Comparison> {
         match self {
             Self::None => None,
@@ -91,7 +91,7 @@ impl Reference {
     }
 }
 
-/// The epochs of the source of this number, in order of time.
+/// The epochs of the source with this number, in order of time.
 fn read_all(scored: &Scored, number: usize, source: &mut dyn RowStream) -> Result<Vec<ReferenceEpoch>, Diagnostics> {
     let (mut found, mut values) = (Vec::new(), Vec::new());
     loop {

@@ -1,4 +1,4 @@
-//! What of a source a run is scored against, and how its rows become epochs.
+//! The channels of a source that a run is scored against, and how its rows become epochs.
 
 use crate::assembly::StreamLayout;
 use crate::config::{Diagnostic, Diagnostics, Node};
@@ -13,10 +13,10 @@ use fusion_models::block::Shape;
 use fusion_models::units::{Dimension, Dimensional, dim};
 use nalgebra::Vector3;
 
-/// Nothing is known of a position.
+/// An unknown position.
 const NOWHERE: Geodetic = Geodetic::new(f64::NAN, f64::NAN, f64::NAN);
 
-/// Position, velocity, attitude: what a channel belongs to.
+/// The quantity of a channel: position (0), velocity (1) or attitude (2).
 const fn quantity(channel: ReferenceChannel) -> usize {
     match channel {
         ReferenceChannel::Velocity => 1,
@@ -25,7 +25,7 @@ const fn quantity(channel: ReferenceChannel) -> usize {
     }
 }
 
-/// The axes that a channel is of: north, east, down, or those of the body.
+/// The axes of a channel: north, east, down, or the body axes.
 const fn axes(channel: ReferenceChannel) -> Range<usize> {
     match channel {
         ReferenceChannel::HorizontalPosition => 0..2,
@@ -34,7 +34,7 @@ const fn axes(channel: ReferenceChannel) -> Range<usize> {
     }
 }
 
-/// What the numbers of a channel have to be, and how that is said.
+/// Checks the numbers of a channel; the error describes what is required.
 fn is_fit(channel: ReferenceChannel, width: usize, shape: Shape, dimension: Dimension) -> Result<(), &'static str> {
     let length = dimension == dim::Length::KIND.dimension;
     let (fits, wanted) = match channel {
@@ -55,11 +55,11 @@ fn is_fit(channel: ReferenceChannel, width: usize, shape: Shape, dimension: Dime
 enum SigmaFrom {
     /// The design, per axis.
     Declared([f64; 3]),
-    /// The numbers of a row from here on, times a factor.
+    /// The numbers of a row from this index on, times a factor.
     Row(usize, f64),
 }
 
-/// A channel that counts.
+/// A channel used for the score.
 #[derive(Clone, Debug)]
 struct Counted {
     channel: ReferenceChannel,
@@ -79,10 +79,10 @@ pub(in crate::run) struct Scored {
     channels: Vec<Counted>,
 }
 
-/// The sources of the reference, found and checked by what they declare to provide.
+/// The sources of the reference, found and checked by their declared channels.
 ///
 /// # Errors
-/// A source that is not there, a channel that it has not, two sources with one quantity.
+/// A source that does not exist, a channel that the source does not have, or two sources with one quantity.
 pub(in crate::run) fn check(reference: &Named<ReferenceSpec>, sources: &[Named<SourceDesign>]) -> Result<Vec<Scored>, Diagnostics> {
     let mut d = Diagnostics::new();
     let mut all: Vec<Scored> = Vec::new();
@@ -91,7 +91,7 @@ pub(in crate::run) fn check(reference: &Named<ReferenceSpec>, sources: &[Named<S
             d.push(unknown_reference(sources, reference, name));
             continue;
         };
-        // What is wrong with the source itself is told of the source.
+        // Mistakes of the source itself are reported with the source.
         let Ok(provided) = named.block.source.channels() else { continue };
         let layout = StreamLayout::provided(name, &provided);
         all.extend(Scored::of(named, &layout, part, reference, &mut d));
@@ -116,13 +116,13 @@ pub(in crate::run) fn check(reference: &Named<ReferenceSpec>, sources: &[Named<S
     d.unless_errors(all)
 }
 
-/// Whether both give the same quantity in one of the axes.
+/// Returns true if both give the same quantity in a common axis.
 fn overlap(one: ReferenceChannel, two: ReferenceChannel) -> bool {
     let (a, b) = (axes(one), axes(two));
     quantity(one) == quantity(two) && a.start < b.end && b.start < a.end
 }
 
-/// What counts of a source that says nothing: all that it has, each quantity once.
+/// The channels used if the design names none: all channels of the source, each quantity once.
 fn usual(has: impl Fn(&ReferenceChannel) -> bool) -> Vec<ReferenceChannel> {
     let mut usual: Vec<ReferenceChannel> = Vec::new();
     for channel in ReferenceChannel::ALL.into_iter().filter(has) {
@@ -153,7 +153,7 @@ impl Scored {
         }
     }
 
-    /// A recorded source with these channels; what is wrong goes to `d`.
+    /// A recorded source with these channels; mistakes go to `d`.
     fn of(
         named: &Named<SourceDesign>,
         layout: &StreamLayout,
@@ -206,7 +206,7 @@ impl Scored {
     }
 
     /// The reference epochs of a row: one for each time at which some of its channels are valid. A
-    /// channel of which a number, or its own 1σ, is not finite has no value.
+    /// channel has no value if one of its numbers or its 1σ is not finite.
     pub(super) fn epochs(&self, time: Time, row: &[f64]) -> Vec<ReferenceEpoch> {
         let mut epochs: Vec<ReferenceEpoch> = Vec::with_capacity(1);
         for counted in &self.channels {
@@ -234,7 +234,7 @@ impl Scored {
 }
 
 impl Counted {
-    /// 1σ of the three axes; 0 where the channel is of no axis.
+    /// 1σ of the three axes; 0 for axes that the channel does not have.
     fn sigma(&self, row: &[f64]) -> Vector3<f64> {
         let mut sigma = Vector3::zeros();
         for (k, axis) in axes(self.channel).enumerate() {
@@ -269,7 +269,7 @@ impl Counted {
     }
 }
 
-/// A channel of `layout` that counts, with its 1σ; what is wrong goes to `d`.
+/// A channel of `layout` used for the score, with its 1σ; mistakes go to `d`.
 fn counted(
     channel: ReferenceChannel,
     layout: &StreamLayout,
@@ -323,7 +323,7 @@ fn dimension(channel: ReferenceChannel) -> Dimension {
     [dim::Length::KIND, dim::Speed::KIND, dim::Angle::KIND][quantity(channel)].dimension
 }
 
-/// Where the 1σ of a channel, which the source reports, begin in a row.
+/// The index in a row where the 1σ values that the source reports for a channel begin.
 fn reported(channel: ReferenceChannel, layout: &StreamLayout) -> Option<usize> {
     let wanted = format!("{}_sigma", channel.name());
     let found = layout.channels.iter().find(|c| c.name == wanted)?;

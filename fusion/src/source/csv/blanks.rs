@@ -1,21 +1,21 @@
-//! Text whose fields are separated by runs of blanks, made into text with one blank between fields.
+//! Converts text with runs of blanks between fields into text with one blank between fields.
 
 use crate::source::file::BUFFER;
 use std::io::{self, Read};
 
-/// Drops the blanks before, after and between fields but for one; tabs count as blanks. Line ends stay,
-/// and so do blanks within quotation marks.
+/// Drops the blanks before and after fields, and keeps one blank between fields; tabs count as blanks. Line ends
+/// and blanks within quotation marks stay.
 #[derive(Debug)]
 pub(super) struct Blanks<R> {
     inner: R,
     chunk: Vec<u8>,
-    /// What the chunk has become, and how much of it is passed on.
+    /// The converted chunk; `passed` bytes of it have been passed on.
     ready: Vec<u8>,
     passed: usize,
     state: Line,
 }
 
-/// What has been read of a line.
+/// The state within a line.
 #[derive(Debug, Default)]
 struct Line {
     has_fields: bool,

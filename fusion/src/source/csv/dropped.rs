@@ -1,24 +1,24 @@
-//! Lines that are no rows, made empty: comments, and what stands before a header.
+//! Empties lines that are not rows: comments, and lines before a header.
 
 use crate::source::file::BUFFER;
 use std::io::{self, Read};
 
-/// Passes the line ends on, so that lines keep their numbers, and the text of all lines but the first few and those
-/// that begin with a mark.
+/// Passes on all line ends, so that lines keep their numbers, and the text of the lines that are not dropped. Dropped
+/// lines are the first few lines and the lines that begin with a mark.
 #[derive(Debug)]
 pub(super) struct Dropped<R> {
     inner: R,
     chunk: Vec<u8>,
-    /// What the chunk has become, and how much of it is passed on.
+    /// The converted chunk; `passed` bytes of it have been passed on.
     ready: Vec<u8>,
     passed: usize,
-    /// What comments begin with; empty where there are none.
+    /// The mark of comments; empty if there are no comments.
     mark: Vec<u8>,
     drops: Drops,
     line: Line,
 }
 
-/// Which lines are dropped besides comments: the first few, and the first few after the line that comes next.
+/// The lines dropped in addition to comments: the first `before` lines, then, after one kept line, `after` lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Drops {
     pub(super) before: usize,
@@ -31,12 +31,12 @@ impl Drops {
     }
 }
 
-/// What is known of the line that is being read.
+/// The state of the line that is being read.
 #[derive(Clone, Copy, Debug)]
 enum Line {
-    /// So many of its bytes are those of the mark.
+    /// This number of its bytes match the mark.
     Begun(usize),
-    /// Nothing has come of it but what ends it.
+    /// The line is empty so far, except for a carriage return.
     Blank,
     Kept,
     Dropped,
@@ -58,7 +58,7 @@ impl<R> Dropped<R> {
         dropped
     }
 
-    /// What is known of a line before its first byte.
+    /// The state of a line before its first byte.
     const fn first(&self) -> Line {
         match (self.drops.before, self.mark.is_empty()) {
             (0, true) => Line::Blank,
@@ -82,7 +82,7 @@ impl<R> Dropped<R> {
         }
         if byte == b'\n' {
             match self.line {
-                // That was the line after which some are dropped too.
+                // This was the kept line; the lines to drop after it follow.
                 Line::Kept if self.drops.before == 0 => self.drops = Drops::first(self.drops.after),
                 _ => self.drops.before = self.drops.before.saturating_sub(1),
             }
@@ -96,7 +96,7 @@ impl<R> Dropped<R> {
         }
     }
 
-    /// The line is kept, with what it has of the mark.
+    /// Keeps the line, with the bytes that matched the mark.
     fn keep(&mut self, matched: usize) {
         self.ready.extend_from_slice(&self.mark[..matched]);
         self.line = if matched == 0 { Line::Blank } else { Line::Kept };

@@ -1,12 +1,12 @@
-//! Line numbers of a stream of bytes, and a limit to how long a row may be.
+//! Line numbers of a stream of bytes, and a limit to the length of a row.
 
 use std::collections::VecDeque;
 use std::io::{self, Read};
 
-/// Passes bytes on and remembers where the lines end that the reader behind has not reached yet.
+/// Passes bytes on and remembers the line ends that the CSV reader behind it has not reached yet.
 ///
 /// The reader of records counts lines too, but gives a record the number of the blank lines and
-/// comments before it. A row is held whole, so one that is longer than [`LONGEST`] ends the file with an error.
+/// comments before it. A row is held whole, so a row longer than [`LONGEST`] ends the file with an error.
 ///
 /// Memory   eight bytes for each line end of one buffer
 #[derive(Debug)]
@@ -17,13 +17,13 @@ pub(super) struct Lines<R> {
     passed: usize,
     /// Where the latest record ended, or the latest blank line after it.
     row: u64,
-    /// The byte after the last one that ends no line.
+    /// The position after the last byte that is not part of a line end.
     text: u64,
     /// There are no more bytes.
     has_ended: bool,
 }
 
-/// Bytes of a row, with the comments before it.
+/// The largest number of bytes of a row, with the comments before it.
 pub(super) const LONGEST: u64 = 16 << 20;
 
 impl<R> Lines<R> {
@@ -39,7 +39,7 @@ impl<R> Lines<R> {
         }
     }
 
-    /// Whether the end of the file has been met.
+    /// Whether the end of the file has been reached.
     pub(super) const fn has_ended(&self) -> bool {
         self.has_ended
     }
@@ -57,8 +57,8 @@ impl<R> Lines<R> {
 
 impl<R: Read> Read for Lines<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        // The reader behind asks only when it has used up all that it has, so the row that it reads ends beyond
-        // this: of the line ends before, the last one at most is asked for.
+        // The reader behind reads more only when its buffer is used up, so the current row ends after this point.
+        // It can only ask for the last of the earlier line ends.
         let old = self.ends.len().saturating_sub(1);
         self.ends.drain(..old);
         self.passed += old;
@@ -107,7 +107,7 @@ mod tests {
     fn a_row_without_end_is_refused_and_many_rows_are_not() {
         let error = drained(&mut Lines::new(io::repeat(b'1').take(2 * LONGEST))).unwrap_err();
         assert_eq!(error.to_string(), "a row is longer than 16 MiB");
-        // Lines within quotation marks are one row: no end of it is told.
+        // Lines within quotation marks are one row: `line` is not called for its line ends.
         assert!(drained(&mut Lines::new(io::repeat(b'1').take(1).chain(io::repeat(b'\n').take(2 * LONGEST)))).is_err());
         let (mut lines, mut buffer, mut end) = (Lines::new(io::repeat(b'1').take(2 * LONGEST)), [0; 1024], 0);
         loop {

@@ -59,20 +59,20 @@ format_spec! {
     pub struct CsvSpec {
         /// The file, relative to the data directory; gzip is recognised by its content.
         path: PathBuf,
-        /// What separates the fields: a character, or `"blanks"` for runs of blanks and tabs.
+        /// The delimiter of the fields: a character, or `"blanks"` for runs of blanks and tabs.
         #[serde(default = "comma")]
         delimiter: String,
         /// Lines that begin with this text, such as `"#"`, `"%"` or `"//"`, are comments.
         comment: Option<String>,
-        /// Whether the first line names the columns; without header they are called `1`, `2`, …. With
-        /// `"comment"` the last comment before the first row names them. A number is that of the line with the names:
-        /// those before it are passed over.
+        /// Whether the first line names the columns; without a header they are called `1`, `2`, …. With `"comment"`,
+        /// the last comment before the first row names them. A number is the number of the line with the names: the
+        /// lines before it are skipped.
         #[serde(default)]
         header: Header,
         /// Names for the columns, instead of a header.
         names: Option<Vec<String>>,
-        /// Lines between the header and the first row that are no rows, such as one of units; without header or with
-        /// `names` lines at the beginning of the file.
+        /// Number of lines to skip between the header and the first row, such as a line of units. Without a header or
+        /// with `names`: lines to skip at the beginning of the file.
         #[serde(default)]
         skip: usize,
         /// The stamp of a row.
@@ -84,22 +84,22 @@ fn comma() -> String {
     ",".to_owned()
 }
 
-/// What `delimiter` says for runs of blanks.
+/// The value of `delimiter` for runs of blanks.
 const BLANKS: &str = "blanks";
 
 /// Which line names the columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected true, false, \"comment\" or the number of a line")]
 enum Header {
-    /// The first, or none.
+    /// The first line, or no line.
     First(bool),
-    /// The one of this number, from 1.
+    /// The line with this number, from 1.
     Line(NonZeroUsize),
     /// A comment.
     Within(Within),
 }
 
-/// Where the names are, if not in a line of their own.
+/// The place of the names, if they have no separate line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 enum Within {
@@ -114,7 +114,7 @@ impl Default for Header {
 }
 
 impl CsvSpec {
-    /// Everything that can be checked without the file.
+    /// Checks everything that can be checked without the file.
     fn plan(&self) -> Result<Plan<'_>, Vec<BuildError>> {
         let mut errors = Vec::new();
         let plan = self.rows().plan(&mut errors);
@@ -162,7 +162,7 @@ impl CsvSpec {
         }
     }
 
-    /// Its rows as they lie in the file.
+    /// Its rows as in the file.
     pub(super) fn raw(&self, context: &OpenContext) -> Result<CsvRows, SourceError> {
         CsvRows::open(self.dialect(), self.head(), &DataFile::new(&self.path, context), context)
     }

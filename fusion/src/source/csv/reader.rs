@@ -13,9 +13,9 @@ use std::io::{BufRead, BufReader, Cursor, Read};
 /// How text is split.
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Dialect<'a> {
-    /// What separates fields; `None` for runs of blanks.
+    /// The delimiter of fields; `None` for runs of blanks.
     pub(in super::super) delimiter: Option<u8>,
-    /// What comments begin with.
+    /// The mark of comments.
     pub(in super::super) comment: Option<&'a str>,
 }
 
@@ -29,13 +29,13 @@ pub(in super::super) enum Names<'a> {
     Numbered,
 }
 
-/// What a file begins with.
+/// The head of a file.
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Head<'a> {
     pub(in super::super) names: Names<'a>,
-    /// Lines before that with the names, which are dropped.
+    /// Lines before the line with the names; they are dropped.
     pub(in super::super) before: usize,
-    /// Lines after it that are no rows.
+    /// Lines after it that are not rows.
     pub(in super::super) after: usize,
 }
 
@@ -92,7 +92,7 @@ impl CsvRows {
             Some(&[byte]) => Some(byte),
             _ => None,
         };
-        // Lines that are no rows are dropped as text: a quotation mark in them opens nothing.
+        // Lines that are not rows are dropped as text: a quotation mark in them has no effect.
         let drops = match names {
             Names::FirstLine => Drops { before, after },
             Names::Comment if after > 0 => Drops::first(header + after),
@@ -128,7 +128,7 @@ impl CsvRows {
         Ok(rows)
     }
 
-    /// Gives the columns other names.
+    /// Renames the columns.
     pub(in super::super) fn rename(&mut self, columns: Vec<String>) {
         self.columns = columns;
     }
@@ -152,11 +152,11 @@ impl CsvRows {
         let end = self.reader.position().byte();
         self.line = self.reader.get_mut().line(end);
         let is_read = read.map_err(|error| broken(&self.file, self.line, &error))?;
-        // Many lines may be in it: to pass over it as one bad row would lose them in silence. That of an open mark has
-        // too few fields, or none but the end of the file ends it.
+        // A record with an open quotation mark may have many lines; skipping it as one bad row would lose them
+        // silently. Such a record has too few fields, or only the end of the file ends it.
         if is_read && !self.columns.is_empty() && (self.reader.get_ref().has_ended() || self.malformed().is_some()) {
             let text = self.record.as_slice();
-            // Of an open mark the end of the file is the end of the row.
+            // With an open mark, the end of the file is the end of the row.
             let within = memchr::memchr_iter(b'\n', text.strip_suffix(b"\n").unwrap_or(text)).count();
             if within > 0 {
                 let message = format!("a quotation mark is open from line {} to here", self.line.saturating_sub(within));
@@ -168,7 +168,7 @@ impl CsvRows {
     }
 }
 
-/// A file that cannot be read on.
+/// The error for a file that cannot be read further.
 fn broken(file: &str, line: usize, error: &Error) -> DataError {
     let help = "rows before were sound; copy or download it again";
     let (message, help) = match error.kind() {
@@ -182,9 +182,9 @@ fn broken(file: &str, line: usize, error: &Error) -> DataError {
     DataError::new(file, message).line(line).help(help)
 }
 
-/// The comments that a file begins with, up to its first row, and all of its bytes.
+/// The comments at the beginning of a file, up to its first row, and all bytes of the file.
 struct Comments {
-    /// The last comment, without the characters that begin it.
+    /// The last comment, without its mark.
     comment: String,
     /// Its line, from 1.
     line: usize,
@@ -256,7 +256,7 @@ impl RawRows for CsvRows {
         Cell::Text(self.record.get(column).unwrap_or_default().trim_ascii())
     }
 
-    /// A row has a field per column; one more may be there if it is empty.
+    /// A row has one field per column; one additional field is allowed if it is empty.
     fn malformed(&self) -> Option<Malformed> {
         let (fields, named) = (self.record.len(), self.columns.len());
         let is_trailing = fields == named + 1 && self.record.get(named).is_some_and(|cell| cell.trim_ascii().is_empty());

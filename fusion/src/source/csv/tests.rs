@@ -1,4 +1,4 @@
-//! Files as they come, and every word that is said of them.
+//! Files of all kinds, and the full text of the messages about them.
 
 mod axes;
 mod courses;
@@ -13,7 +13,7 @@ use fusion_models::block::Shape;
 use std::io::Write;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// A directory of its own with one file, removed at the end.
+/// A separate directory with one file, removed at the end.
 struct Log {
     dir: PathBuf,
 }
@@ -64,7 +64,7 @@ fn spec(node: &Node) -> Result<Box<dyn SourceSpec>, String> {
 
 type Rows = Vec<(i64, Vec<f64>)>;
 
-/// All rows, or what is shown instead; the directory is left out of messages.
+/// All rows, or the error message, without the directory.
 fn read(toml: &str, bytes: &[u8]) -> Result<(Rows, SourceReport), String> {
     let log = Log::new(bytes);
     let text = if toml.contains("path") {
@@ -127,7 +127,7 @@ fn columns_become_channels_in_si_with_signs_and_scales() {
     let rows = values(&toml, text);
     let g = 9.80665;
     for (found, expected) in rows[0].iter().zip([g, -2.0 * g, 6.0 * g, 60f64.to_radians(), 2.0]) {
-        // 2 ε: one rounding more than the direct product.
+        // 2 ε: one more rounding than the direct product.
         assert!((found / expected - 1.0).abs() < 2.0 * f64::EPSILON, "{found} for {expected}");
     }
     let node = node(&format!("type = 'csv'\npath = 'x'\n{toml}"));
@@ -487,7 +487,7 @@ fn damaged_compression_is_an_error_even_where_bad_rows_are_skipped() {
     let cut = read(&toml, &whole[..whole.len() / 2]).unwrap_err();
     assert!(cut.starts_with("error: the compressed file is cut off\n--> log.csv:"), "{cut}");
     let mut flipped = whole.clone();
-    // The checksum stands eight bytes before the end.
+    // The checksum is eight bytes before the end.
     let checksum = flipped.len() - 8;
     flipped[checksum] ^= 1;
     let damaged = read(&toml, &flipped).unwrap_err();
@@ -594,7 +594,7 @@ fn an_open_quotation_mark_is_told_with_the_lines_that_it_takes() {
     let open = said(TV, "t,v\n1,1\n2,\"2\n3,3\n4,4\n");
     assert!(open.contains("a quotation mark is open from line 3 to here"), "{open}");
     assert!(open.contains("log.csv:5"), "{open}");
-    // A quotation mark in a line that is no row opens nothing, and a closed one holds what it likes.
+    // A quotation mark in a line that is not a row has no effect, and closed quotation marks may hold any text.
     let units = format!("{TV}skip = 1");
     assert_eq!(values(&units, "t,v\ns,\"m\n1,1\n2,2\n"), [[1.0], [2.0]]);
     assert_eq!(values(TV, "t,v,note\n1,1,\"a\nb\"\n2,2,c\n"), [[1.0], [2.0]]);

@@ -1,15 +1,15 @@
-//! The rows of a format, with a look at those after the row at hand.
+//! The rows of a format, with a lookahead beyond the current row.
 
 use super::raw::{Cell, Malformed, RawRows};
 use crate::rows::DataError;
 use std::collections::VecDeque;
 
-/// Reads rows ahead where it is asked to.
+/// Reads rows ahead on request.
 pub(super) struct Ahead<R> {
     raw: R,
-    /// Copies of the row at hand and of those after it, while `raw` is at the one after these.
+    /// Copies of the current row and of the rows after it, while `raw` is at the row after these.
     held: VecDeque<Held>,
-    /// Which row is looked at: how many after the one at hand.
+    /// The row looked at: its number after the current row.
     at: usize,
 }
 
@@ -17,7 +17,7 @@ struct Held {
     place: usize,
     cells: Vec<Copied>,
     malformed: Option<Malformed>,
-    /// What reading the row after it said.
+    /// The result of reading the next row.
     next: Result<bool, DataError>,
 }
 
@@ -36,7 +36,7 @@ impl<R: RawRows> Ahead<R> {
         }
     }
 
-    /// Looks at the row that comes `after` so many; false, and back at the row at hand, where none can be read.
+    /// Looks at the row `after` rows ahead; returns false, and to the current row, if there is no such row.
     pub(super) fn look(&mut self, after: usize) -> bool {
         self.at = 0;
         while self.held.len() < after {
@@ -64,7 +64,7 @@ impl<R: RawRows> Ahead<R> {
         true
     }
 
-    /// The row looked at, where it is held; else `raw` is at it.
+    /// The row looked at, if it is held; otherwise `raw` is at it.
     fn held(&self) -> Option<&Held> {
         self.held.get(self.at)
     }

@@ -9,38 +9,38 @@ use fusion_core::time::nanos;
 use fusion_models::block::BuildError;
 use fusion_models::units::{Dimensional, dim, parse_unit};
 
-/// Digits of a fraction that are read; what follows is below any unit's nanosecond.
+/// Digits of a fraction that are read; further digits are below one nanosecond in any unit.
 const FRACTION_DIGITS: u32 = 15;
-/// Nanoseconds beyond any log; two of them can be added.
+/// More nanoseconds than any log has; two such values can be added.
 const LARGEST: i128 = i128::MAX / 4;
 
 /// Stamps of one column, or of two.
 #[derive(Clone, Debug)]
 pub(super) struct Clock {
     form: Form,
-    /// The instant of the last stamp in order, and of the row at hand: a time of day is near them.
+    /// The instants of the last stamp in order and of the current row; a time of day is near them.
     last: Option<i128>,
     hand: Option<i128>,
     /// The columns, once the file is open.
     columns: Vec<usize>,
     epoch: i128,
     scale: f64,
-    /// Where it is right: declared, or its first stamp.
+    /// The time at which the clock is correct: declared, or its first stamp.
     about: Option<i64>,
     is_about_declared: bool,
     offset: i64,
-    /// Rows before are left out.
+    /// Rows before this time are left out.
     pub(super) start: i64,
     /// The source ends here.
     pub(super) stop: i64,
 }
 
-/// What the cells of a stamp say.
+/// The format of the cells of a stamp.
 #[derive(Clone, Debug)]
 enum Form {
-    /// Counts whose sum is taken: the nanoseconds that one of each column stands for, and what they count from.
+    /// A sum of counts: the nanoseconds per count of each column, and the origin of the counts.
     Count { units: Vec<i128>, origin: Option<Origin> },
-    /// Rows, or what a column counts, so many in a second.
+    /// Rows, or counts of a column, at this rate per second.
     Counter(f64),
     /// A date with the time of day, in one column or in two.
     Calendar(Scale, Option<Order>),
@@ -93,7 +93,7 @@ impl Clock {
         }
     }
 
-    /// Says which columns of the file it reads, in order.
+    /// Sets the columns of the file that it reads, in order.
     pub(super) fn place(&mut self, columns: Vec<usize>) {
         self.columns = columns;
     }
@@ -105,16 +105,16 @@ impl Clock {
         }
     }
 
-    /// The stamp of the row at hand, number `number` of the file from 0, in nanoseconds of the log's time; `Err` says
-    /// which column is not what.
+    /// The stamp of the current row, number `number` of the file from 0, in nanoseconds of the log's time; `Err` names
+    /// the wrong column and the mistake.
     pub(super) fn read(&mut self, row: &impl RawRows, number: u64) -> Result<i64, (usize, &'static str)> {
         let (instant, last) = self.form.read(&self.columns, row, number, self.last)?;
         self.hand = Some(instant);
         self.log_time(instant, last)
     }
 
-    /// As [`read`](Self::read), of a row after the one at hand; `before` is the instant of the latest between them,
-    /// and then its own: a time of day is near that.
+    /// As [`read`](Self::read), for a row after the current row. `before` is the instant of the latest row between
+    /// them, and is set to the instant read: a time of day is near it.
     pub(super) fn read_after(&mut self, row: &impl RawRows, number: u64, before: &mut Option<i128>) -> Result<i64, (usize, &'static str)> {
         let (instant, last) = self.form.read(&self.columns, row, number, before.or(self.hand))?;
         *before = Some(instant);
@@ -202,7 +202,7 @@ impl Form {
         }
     }
 
-    /// What is zero in the log, as written.
+    /// The instant of time zero of the log, as written.
     fn epoch(&self, text: &str) -> Result<i128, String> {
         let of_calendar = |scale: Scale| scale.any_instant(text).map_err(|what| format!("`{text}` {what}"));
         match self {
@@ -224,7 +224,7 @@ impl Form {
         }
     }
 
-    /// The nanoseconds of the row at hand, and its last column; `Err` says which column is not what.
+    /// The nanoseconds of the current row, and its last column; `Err` names the wrong column and the mistake.
     fn read(
         &self,
         columns: &[usize],
@@ -263,7 +263,7 @@ impl Form {
     }
 }
 
-/// What a cell says, in nanoseconds.
+/// The value of a cell, in nanoseconds.
 fn cell_nanos(cell: Cell<'_>, unit: i128) -> Result<i128, &'static str> {
     let nanos = match cell {
         Cell::Text(bytes) => decimal_nanos(core::str::from_utf8(bytes).map_err(|_| "is not text")?, unit),
@@ -273,7 +273,7 @@ fn cell_nanos(cell: Cell<'_>, unit: i128) -> Result<i128, &'static str> {
     nanos.filter(|nanos| nanos.abs() < LARGEST).ok_or("is not a number")
 }
 
-/// The nanoseconds of a count, so many of which are in a second.
+/// The nanoseconds of a count with `rate` counts per second.
 fn counted_nanos(count: f64, rate: f64) -> Option<i128> {
     rounded_nanos(count / rate, 1_000_000_000)
 }
@@ -291,8 +291,7 @@ fn unit_nanos(text: &str) -> Result<i128, String> {
     Ok(unit.round() as i128)
 }
 
-/// A decimal number of `unit` nanoseconds, in whole nanoseconds: exact as long as it is written
-/// without exponent.
+/// A decimal number of `unit` nanoseconds, in whole nanoseconds: exact if it is written without exponent.
 pub(in super::super) fn decimal_nanos(text: &str, unit: i128) -> Option<i128> {
     let (negative, digits) = match text.as_bytes() {
         [b'-', rest @ ..] => (true, rest),
@@ -307,7 +306,7 @@ pub(in super::super) fn decimal_nanos(text: &str, unit: i128) -> Option<i128> {
                 any = true;
                 let digit = i128::from(byte - b'0');
                 if !point {
-                    // 19 digits fill an i64; more than 25 is no time in any unit.
+                    // 19 digits fill an i64; more than 25 digits are not a time in any unit.
                     whole = (whole < 10_i128.pow(25)).then(|| whole * 10 + digit)?;
                 } else if fraction_digits < FRACTION_DIGITS {
                     fraction = fraction * 10 + digit;
@@ -324,7 +323,7 @@ pub(in super::super) fn decimal_nanos(text: &str, unit: i128) -> Option<i128> {
     any.then_some(if negative { -nanos } else { nanos })
 }
 
-/// With an exponent, rounding is that of the floating-point number.
+/// With an exponent, the number is rounded as a floating-point number.
 fn float_nanos(text: &str, unit: i128) -> Option<i128> {
     rounded_nanos(text.parse().ok()?, unit)
 }

@@ -26,7 +26,7 @@ impl Test {
         }
     }
 
-    /// Whether the cell meets it; `None` where a number is wanted and the cell holds none.
+    /// Returns true if the cell meets it; `None` if a number is wanted and the cell has no number.
     pub(super) fn holds(&self, cell: Cell<'_>) -> Option<bool> {
         if matches!(cell, Cell::Text(_)) {
             cell.text()?;
@@ -45,8 +45,8 @@ impl Test {
     }
 }
 
-/// Whether the cell holds one of the values; a text that is none of them says so only where texts
-/// are among them.
+/// Returns true if the cell has one of the values. A text that is not a number gives `None`, unless texts are
+/// among the values.
 fn is_any_of(wanted: &[Wanted], cell: Cell<'_>, number: Option<f64>) -> Option<bool> {
     let is_one = wanted.iter().any(|wanted| match wanted {
         Wanted::Text(text) => cell.text() == Some(text),

@@ -3,8 +3,8 @@
 use fusion_models::units::{Dimension, by_letter, parse_unit};
 use std::borrow::Cow;
 
-/// The unit in brackets at the end of a column's name, as of `gyro_x [deg/s]` or `height(m)`; `None` where
-/// there are no brackets, or no known unit within. Of a `wanted` dimension `(G)` may be gauss, or standard gravity.
+/// The unit in brackets at the end of a column's name, as in `gyro_x [deg/s]` or `height(m)`; `None` without
+/// brackets or without a known unit in them. The `wanted` dimension decides if `(G)` is gauss or standard gravity.
 pub(super) fn header_unit(column: &str, wanted: Option<Dimension>) -> Option<Cow<'_, str>> {
     let column = column.trim_end();
     let open = match column.chars().next_back()? {
@@ -19,7 +19,7 @@ pub(super) fn header_unit(column: &str, wanted: Option<Dimension>) -> Option<Cow
     (!inner.is_empty() && parse_unit(inner).is_ok()).then_some(inner.into())
 }
 
-/// The unit that all of these columns state, if any; `Err` is two columns that do not agree.
+/// The unit that all of these columns state, if any; `Err` has two columns that do not agree.
 pub(super) fn common_unit<'a>(
     columns: impl IntoIterator<Item = &'a String>,
     wanted: Option<Dimension>,

@@ -1,7 +1,7 @@
 //! Instants of other clocks on one scale: nanoseconds of GPS time since 1980-01-06.
 //!
-//! GPS time has no leap seconds; Unix time and UTC have. Their table is that of the crate `hifitime`,
-//! which is used here and nowhere else.
+//! GPS time has no leap seconds; Unix time and UTC have. The table of leap seconds is from the crate `hifitime`,
+//! which is used only here.
 //!
 //! Not here  UTC before 1972, whose seconds were not those of TAI
 
@@ -14,9 +14,9 @@ const SECOND: i128 = 1_000_000_000;
 const DAY: i128 = 86_400 * SECOND;
 /// 1980-01-06 in days of 1970-01-01.
 const GPS_DAY: i128 = 3657;
-/// TAI is ahead of GPS time by this.
+/// TAI minus GPS time.
 const TAI_AHEAD: i128 = 19 * SECOND;
-/// Beyond it no table of leap seconds means anything: about a million years.
+/// Limit of the instants, about a million years: no table of leap seconds is valid beyond it.
 const LARGEST: i128 = 1 << 84;
 
 const NO_TIME: &str = "is no time of day, such as `19:34:18.25` or `193418.25`";
@@ -25,7 +25,7 @@ const NO_DAY: &str = "has no date: name its column by `date`, or write the date 
 const OTHER_SCALE: &str = "names another time scale than is declared";
 const NO_DATE: &str = "is not a date and time, year first, such as `2025-07-08T19:34:18.25Z`";
 
-/// What a count begins with.
+/// The zero point of a count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Origin {
@@ -47,7 +47,7 @@ pub enum Scale {
     Tai,
 }
 
-/// In which order a date has its year, month and day.
+/// The order of year, month and day in a date.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Order {
@@ -84,7 +84,7 @@ impl Origin {
         }
     }
 
-    /// The calendar that a count from here goes by.
+    /// The calendar of a count from this origin.
     pub(super) const fn scale(self) -> Scale {
         match self {
             Self::Unix => Scale::Utc,
@@ -98,26 +98,26 @@ impl Scale {
     /// another scale is wrong.
     ///
     /// # Errors
-    /// What is wrong with the text.
+    /// The mistake in the text.
     pub(super) fn instant(self, text: &str, order: Option<Order>) -> Result<i128, &'static str> {
         let (date, time) = parts_of(text).map_err(|none| if is_time_of_day(text) { NO_DAY } else { none })?;
         self.of_day(date, time, order)
     }
 
-    /// As [`instant`](Self::instant), of date and time of day apart.
+    /// As [`instant`](Self::instant), for separate texts of date and time of day.
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// The mistake in the texts.
     pub(in super::super) fn of_day(self, date: &str, time: &str, order: Option<Order>) -> Result<i128, &'static str> {
         let (scale, instant) = self.named(date, time, Writing { order, is_compact: true })?;
         if scale == self { Ok(instant) } else { Err(OTHER_SCALE) }
     }
 
-    /// The instant of a time of day without a date: of all days the one at which it is nearest to `around`, without
-    /// which it is `day`.
+    /// The instant of a time of day without a date. The date is chosen so that the instant is nearest to `around`;
+    /// without `around` it is `day`.
     ///
     /// # Errors
-    /// What is wrong with the text.
+    /// The mistake in the text.
     pub(super) fn nearest(self, day: Date, time: &str, around: Option<i128>) -> Result<i128, &'static str> {
         let on = |day: Date| {
             let (scale, instant) = self.dated(day, time, true)?;
@@ -129,27 +129,27 @@ impl Scale {
         if days == 0 { Ok(first) } else { on(day.plus(days).ok_or(NO_TIME)?) }
     }
 
-    /// As [`instant`](Self::instant), of a text that may name any scale.
+    /// As [`instant`](Self::instant), for a text that may name any scale.
     ///
     /// # Errors
-    /// What is wrong with the text.
+    /// The mistake in the text.
     pub(super) fn any_instant(self, text: &str) -> Result<i128, &'static str> {
         let (date, time) = parts_of(text)?;
         Ok(self.named(date, time, Writing::default())?.1)
     }
 
-    /// The scale that a text of which nothing is declared names, by default UTC, and the instant.
+    /// The scale that an undeclared text names, by default UTC, and the instant.
     pub(in super::super) fn guessed(text: &str) -> Option<(Self, i128)> {
         let (date, time) = parts_of(text).ok()?;
         Self::guessed_of_day(date, time)
     }
 
-    /// As [`guessed`](Self::guessed), of date and time of day apart.
+    /// As [`guessed`](Self::guessed), for separate texts of date and time of day.
     pub(in super::super) fn guessed_of_day(date: &str, time: &str) -> Option<(Self, i128)> {
         Self::Utc.named(date, time, Writing::default()).ok()
     }
 
-    /// As designs write it.
+    /// The name of the scale in designs.
     pub(in super::super) const fn name(self) -> &'static str {
         match self {
             Self::Utc => "utc",
@@ -172,7 +172,7 @@ impl Scale {
         self.dated(Date::read(date, writing.order)?, time, writing.is_compact)
     }
 
-    /// As [`named`](Self::named), of a day that is known.
+    /// As [`named`](Self::named), for a known day.
     fn dated(self, Date(year, month, day): Date, time: &str, is_compact: bool) -> Result<(Self, i128), &'static str> {
         let (time, zone) = zone_of(time.trim()).ok_or(NO_DATE)?;
         let compact = || time_of_digits(time).filter(|_| is_compact);
@@ -254,7 +254,7 @@ impl Date {
         read().ok_or(NO_DATE)
     }
 
-    /// So many days later; `None` beyond the calendar.
+    /// The date a number of days later; `None` beyond the calendar.
     fn plus(self, days: i128) -> Option<Self> {
         let Self(year, month, day) = self;
         let midnight = Epoch::maybe_from_gregorian(year, month, day, 0, 0, 0, 0, TimeScale::TAI).ok()?;
@@ -303,7 +303,7 @@ fn time_of(text: &str) -> Option<(u8, u8, i128)> {
     Some((number(hour)?, number(minute)?, nanos))
 }
 
-/// What comes after the digits: the time of day, and the scale with its offset in nanoseconds.
+/// Splits a text into the time of day and, after its digits, the scale with its offset in nanoseconds.
 fn zone_of(text: &str) -> Option<(&str, Option<(Scale, i128)>)> {
     let end = text
         .find(|c: char| !(c.is_ascii_digit() || matches!(c, ':' | '.')))
@@ -414,7 +414,7 @@ mod tests {
                 .instant("07/25/2025 10:00:00", Some(Order::Dmy))
                 .is_err_and(|e| e.starts_with("does not exist"))
         );
-        // What is guessed of a text is read in one way only.
+        // A guess accepts only unambiguous texts.
         assert_eq!(Scale::guessed("080725 193418"), None);
         assert_eq!(Scale::guessed_of_day("2025-07-08", "193418"), None);
     }

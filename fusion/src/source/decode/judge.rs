@@ -1,4 +1,4 @@
-//! What becomes of one row: judged, then its channels made of its cells.
+//! Decodes one row: checks it, then makes its channels from its cells.
 
 use super::ahead::Ahead;
 use super::channel::{ChannelPlan, Wrong};
@@ -11,12 +11,12 @@ use super::spec::{Interval, Keep, Policy, Ties};
 use core::ops::Range;
 use fusion_core::time::Time;
 
-/// A gap longer than this many nominal intervals is one.
+/// An interval longer than this many nominal intervals is a gap.
 const GAP: f64 = 1.5;
 /// Characters of a cell that messages show.
 const LONGEST_SHOWN: usize = 40;
 
-/// Stands for the cells of a channel that is not valid: what is read is finite.
+/// Marks the cells of a channel that is not valid; numbers that are read are always finite.
 const NOT_VALID: f64 = f64::INFINITY;
 
 const SKIP_BAD: &str = "to leave such rows out and have them counted, write `bad_rows = \"skip\"`";
@@ -31,7 +31,7 @@ pub(super) enum Unused {
     End,
 }
 
-/// What is wrong with a row, and what to do.
+/// The mistake of a row, and how to correct it.
 pub(super) struct Refusal {
     pub(super) policy: Policy,
     pub(super) reason: &'static str,
@@ -39,7 +39,7 @@ pub(super) struct Refusal {
     pub(super) help: String,
 }
 
-/// How the rows of a file are decoded, and what has to be remembered from row to row.
+/// How the rows of a file are decoded, and the state kept from row to row.
 #[derive(Debug)]
 pub(super) struct Judge {
     clock: Clock,
@@ -60,15 +60,15 @@ pub(super) struct Judge {
     /// Whether increments always cover the nominal interval.
     is_even: bool,
     drops_repeats: bool,
-    /// What the cells of the row at hand add up to, for each number that a channel reads.
+    /// The sum of the cells of the current row, for each number that a channel reads.
     numbers: Vec<f64>,
-    /// Those of the last row that was no repetition.
+    /// The numbers of the last row that did not repeat the row before.
     last_numbers: Option<Vec<f64>>,
     /// The last stamp in order, of a row that is valid.
     stamp: Option<i64>,
-    /// The latest two different stamps of the file, be their rows valid or not.
+    /// The latest two different stamps of the file, of valid rows or not.
     seen: [Option<i64>; 2],
-    /// Whether no row since had an unreadable stamp.
+    /// Whether all stamps since then were readable.
     is_interval_known: bool,
 }
 
@@ -81,7 +81,7 @@ pub(super) struct Term {
     pub(super) number: usize,
 }
 
-/// A channel with what it reads, among the numbers of the row, and what it makes, among its values.
+/// A channel with its input range in the numbers of the row, and its output range in the values.
 #[derive(Debug)]
 struct Placed {
     read: Range<usize>,
@@ -89,7 +89,7 @@ struct Placed {
     plan: ChannelPlan,
 }
 
-/// Where the rows of a file have what they are judged by.
+/// Where the inputs of the checks are in a row.
 #[derive(Debug)]
 pub(super) struct Places {
     /// The columns of the stamp.
@@ -151,7 +151,7 @@ impl Judge {
         self.stamp.is_some()
     }
 
-    /// Judges the row at hand, number `number` of the file from 0, and writes its numbers.
+    /// Checks the current row, number `number` of the file from 0, and writes its numbers.
     pub(super) fn decode(&mut self, number: u64, raw: &mut Ahead<impl RawRows>, values: &mut [f64]) -> Result<Time, Unused> {
         if self.keep.is_some_and(|keep| !keep.keeps(number)) {
             return Err(Unused::Left("not among the rows to keep"));
@@ -171,7 +171,7 @@ impl Judge {
             self.jumps.took(stamp.saturating_sub(last));
         }
         let before = self.before(stamp);
-        // With a nominal interval a row that is left out does no harm, and rows of another instrument none either.
+        // A nominal interval makes rows that are left out, and rows of another instrument, harmless.
         let previous = if self.nominal.is_some() { last } else { before }.filter(|_| was_known);
         if stamp < self.clock.start {
             return Err(Unused::Left("before the declared start"));
@@ -201,7 +201,7 @@ impl Judge {
         Ok(Time::from_nanos(stamp))
     }
 
-    /// Whether a row, whose form is sound, meets the conditions of its source.
+    /// Returns true if a well-formed row meets the conditions of its source.
     fn is_valid(&mut self, raw: &impl RawRows) -> Result<bool, Unused> {
         if let Some(malformed) = raw.malformed() {
             self.is_interval_known = false;
@@ -210,7 +210,7 @@ impl Judge {
         self.meets(&self.valid, raw)
     }
 
-    /// Passes a row that is not valid: it may be of another instrument. Its stamp is that of an increment all the same.
+    /// Passes over a row that is not valid, perhaps of another instrument. Its stamp still ends an interval.
     fn pass(&mut self, raw: &impl RawRows, number: u64) {
         let stamp = self.clock.read(raw, number);
         if self.stamp.is_none() {
@@ -223,14 +223,14 @@ impl Judge {
         }
     }
 
-    /// The latest stamp of the file before this one of a valid row.
+    /// The latest stamp of the file before `stamp`, which is of a valid row.
     fn before(&mut self, stamp: i64) -> Option<i64> {
         let before = self.seen.into_iter().flatten().filter(|seen| *seen < stamp).max();
         self.seen = [before, Some(stamp)];
         before
     }
 
-    /// The stamp of a row; the interval after one that has none is not known.
+    /// The stamp of a row; after a row with an unreadable stamp the interval is unknown.
     fn stamp(&mut self, raw: &impl RawRows, number: u64) -> Result<i64, Unused> {
         self.clock.read(raw, number).map_err(|(column, what)| {
             self.is_interval_known = false;
@@ -264,7 +264,7 @@ impl Judge {
         }))
     }
 
-    /// A stamp that jumps ahead stands if none of those after it goes back.
+    /// Accepts a stamp that jumps ahead if none of the following stamps goes back.
     fn check_jump(&mut self, stamp: i64, raw: &mut Ahead<impl RawRows>, number: u64) -> Result<(), Unused> {
         if !self.jumps.is_in_doubt(self.stamp, stamp) {
             return Ok(());
@@ -319,7 +319,7 @@ impl Judge {
                 continue;
             }
             let numbers = &mut self.numbers[at];
-            // Of −0, so that the sum of one cell is the cell, be it a zero of either sign.
+            // Starts at −0, so that the sum of one cell is exactly the cell, even for a zero of either sign.
             numbers.fill(-0.0);
             for term in &self.terms[channel] {
                 match raw.cell(term.column).number() {
@@ -332,7 +332,7 @@ impl Judge {
         Ok(())
     }
 
-    /// Seconds that an increment covers; `None` where increments are wanted and it is unknown.
+    /// Seconds that an increment covers; `None` if increments need the interval and it is unknown.
     fn interval(&self, previous: Option<i64>, stamp: i64) -> Option<f64> {
         if !self.needs_interval {
             return Some(1.0);
@@ -359,7 +359,7 @@ impl Judge {
         })
     }
 
-    /// What is wrong with a cell.
+    /// Reports a wrong cell.
     fn bad_cell(&self, raw: &impl RawRows, column: usize, what: &str) -> Unused {
         let shown: String = raw.cell(column).shown().chars().take(LONGEST_SHOWN).collect();
         let name = raw.columns().get(column).map_or("", String::as_str);

@@ -1,29 +1,29 @@
-//! Stamps that jump ahead: believed when no row soon after goes back.
+//! Stamps that jump ahead: accepted if none of the next rows goes back.
 
 use fusion_core::time::{Time, nanos};
 
-/// A jump is longer than this many of the longest recent intervals.
+/// A jump is longer than this many times the longest recent interval.
 const INTERVALS: i64 = 10;
-/// A jump where no interval is known yet \[ns\].
+/// The limit of a jump while no interval is known yet \[ns\].
 const FIRST: i64 = 1_000_000_000;
 
-/// Rows in a row with wrong stamps, at most.
+/// The largest number of consecutive rows with wrong stamps.
 pub(super) const LONGEST_RUN: usize = 20;
 
-/// Tells wrong stamps from a gap, by the rows after them.
+/// Distinguishes wrong stamps from a gap, by the rows after them.
 #[derive(Clone, Debug)]
 pub(super) struct Jumps {
     declared: Option<i64>,
-    /// The longest recent interval \[ns\]; 0 where none is known.
+    /// The longest recent interval \[ns\]; 0 if unknown.
     interval: i64,
 }
 
 /// The evidence of the rows after a jump.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum After {
-    /// The stamp of the first that goes back, or of the last looked at, and how many rows later it comes.
+    /// The stamp of the first row that goes back, or of the last row looked at, and how many rows later it comes.
     Stamp(i64, usize),
-    /// No row follows that can be read.
+    /// No readable row follows.
     Nothing,
 }
 
@@ -45,13 +45,13 @@ impl Jumps {
         self.declared.unwrap_or(learnt)
     }
 
-    /// Whether a stamp has to be confirmed: that of the first row, and one that jumps.
+    /// Returns true if a stamp has to be confirmed: the stamp of the first row, or a stamp that jumps.
     pub(super) fn is_in_doubt(&self, last: Option<i64>, stamp: i64) -> bool {
         last.is_none_or(|last| stamp.saturating_sub(last) > self.limit())
     }
 
-    /// Whether a later stamp shows that one in doubt is wrong. Rows after a gap have stamps at about its time; rows
-    /// after wrong ones go back.
+    /// Returns true if a later stamp shows that the stamp in doubt is wrong. After a gap, later stamps are near it;
+    /// after a wrong stamp, they go back.
     pub(super) fn goes_back(&self, last: Option<i64>, stamp: i64, next: i64) -> bool {
         match last {
             None => stamp.saturating_sub(next) > self.limit(),
@@ -59,7 +59,7 @@ impl Jumps {
         }
     }
 
-    /// Why a stamp in doubt is wrong; `None` where the rows after it confirm it.
+    /// Why a stamp in doubt is wrong; `None` if the rows after it confirm it.
     pub(super) fn refute(&self, last: Option<i64>, stamp: i64, after: After) -> Option<String> {
         let time = Time::from_nanos;
         let ahead = |last| time(stamp).seconds_since(time(last));
@@ -75,7 +75,7 @@ impl Jumps {
                 };
                 format!("{which}, and {row} back to {}", time(next))
             }),
-            // Of two rows alone, none is known to be wrong.
+            // With two rows only, it is unknown which one is wrong.
             (Some(last), After::Nothing) if self.declared.is_some() || self.interval > 0 => Some(format!(
                 "{} is {:.3} s after the row before, and no row after it confirms that",
                 time(stamp),
@@ -85,8 +85,8 @@ impl Jumps {
         }
     }
 
-    /// An interval of rows in order. A gap raises what counts as recent tenfold at most, and for
-    /// about twenty rows.
+    /// Learns an interval between rows in order. A gap raises the recent interval at most tenfold, and for about
+    /// twenty rows.
     pub(super) fn took(&mut self, interval: i64) {
         let known = self.interval;
         let longest = if known > 0 { known.saturating_mul(INTERVALS) } else { i64::MAX };
@@ -100,7 +100,7 @@ mod tests {
 
     const S: i64 = 1_000_000_000;
 
-    /// Of stamps in seconds: those that are used.
+    /// The stamps used, of stamps in seconds.
     fn used(mut jumps: Jumps, stamps: &[i64]) -> Vec<i64> {
         let (mut last, mut used) = (None, Vec::new());
         for (k, stamp) in stamps.iter().enumerate() {
@@ -150,7 +150,7 @@ mod tests {
     fn a_gap_is_confirmed_by_the_rows_after_it() {
         let stamps: Vec<i64> = (0..20).chain(3600..3620).collect();
         assert_eq!(used(learnt(), &stamps), stamps);
-        // A wrong stamp soon after a gap is none the less one.
+        // A wrong stamp soon after a gap is still found.
         let mut spoilt = stamps.clone();
         spoilt[25] += 3600;
         let right: Vec<i64> = stamps.iter().copied().filter(|t| *t != 3605).collect();

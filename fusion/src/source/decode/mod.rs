@@ -4,14 +4,14 @@
 //! that are decoded here. See `source/csv/` for the first, `decode/tests.rs` for the smallest.
 //!
 //! Order    of the tests on a row: number in the file (`keep`), form, `valid`, stamp, time order, jumps of
-//!          time (`max_jump`), `start` and `stop`, the cells that channels read, `repeats`. Cells that nobody reads
-//!          are never looked at
+//!          time (`max_jump`), `start` and `stop`, the cells that channels read, `repeats`. Cells that no channel
+//!          reads are never looked at
 //! Order    of a channel's arithmetic: sign, unit, `scale`, root of a variance, `offset`, increment
 //!          to rate, rotation, mean with the previous sample
-//! Interval of an increment: since the previous stamp in the file, be its row used or not; with a `rate` since that
-//!          of a valid row, or 1/`rate` in the first row, after an unreadable stamp and where the gap exceeds 1.5
-//!          intervals; always 1/`rate` with `interval = "nominal"`
-//! Memory   one row; where its stamp jumps ahead, it and the 20 after it
+//! Interval of an increment: since the previous stamp in the file, whether its row is used or not. With a `rate`:
+//!          since the previous valid row, or 1/`rate` in the first row, after an unreadable stamp and if the gap
+//!          exceeds 1.5 intervals. With `interval = "nominal"`: always 1/`rate`
+//! Memory   one row; if its stamp jumps ahead, this row and the next 20
 //! Not here decimal commas
 
 mod ahead;

@@ -1,4 +1,4 @@
-//! What is done with the rows of a file: the declaration, checked before any file is opened.
+//! The plan for decoding the rows of a file: the declaration, checked before any file is opened.
 
 use super::channel::ChannelPlan;
 use super::clock::Clock;
@@ -15,7 +15,7 @@ pub struct Plan<'a> {
 }
 
 impl<'a> RowSpec<'a> {
-    /// Everything that can be checked without the file; all mistakes go to `errors`.
+    /// Checks everything that can be checked without the file; all mistakes go to `errors`.
     pub(in super::super) fn plan(self, errors: &mut Vec<BuildError>) -> Plan<'a> {
         let clock = Clock::new(&self.stamp, self.timing, errors);
         let channels = self.channels.iter();
@@ -90,7 +90,7 @@ impl Plan<'_> {
         inputs.flat_map(|input| input.columns.iter().map(String::as_str))
     }
 
-    /// What a row consists of.
+    /// The channels of a row.
     #[must_use]
     pub fn provided(&self) -> Vec<ProvidedChannel> {
         provided(self.channels.iter().map(|plan| (plan.channel.clone(), plan.delay_ns)))

@@ -1,19 +1,19 @@
-//! What a format has to offer: rows of named columns, one at a time.
+//! The interface of a format: rows of named columns, one at a time.
 
 use crate::rows::DataError;
 use std::borrow::Cow;
 
-/// Reads the rows of one file in their order; the one read last is at hand.
+/// Reads the rows of one file in their order; the row read last is the current row.
 pub trait RawRows: Send {
     /// The names of the columns, as declarations refer to them.
     fn columns(&self) -> &[String];
 
-    /// Why a name that the file knows is none of its columns.
+    /// Explains why a name that the file knows is not one of its columns.
     fn absent(&self, _column: &str) -> Option<String> {
         None
     }
 
-    /// Whether a column may be called by its number, from 1, too.
+    /// Whether a column may also be called by its number, from 1.
     fn is_numbered(&self) -> bool {
         false
     }
@@ -24,13 +24,13 @@ pub trait RawRows: Send {
     /// The file cannot be read on.
     fn advance(&mut self) -> Result<bool, DataError>;
 
-    /// Where the row at hand stands in the file, as messages name it: of text the line, from 1.
+    /// The place of the current row in the file, as messages name it: for text, its line, from 1.
     fn place(&self) -> usize;
 
-    /// The cell of the row at hand in the column of this number.
+    /// The cell of the current row in the column with this number.
     fn cell(&self, column: usize) -> Cell<'_>;
 
-    /// Why the row at hand cannot be split into cells; `None` where it can.
+    /// Why the current row cannot be split into cells; `None` if it can.
     fn malformed(&self) -> Option<Malformed> {
         None
     }
@@ -69,20 +69,20 @@ impl<R: RawRows + ?Sized> RawRows for Box<R> {
 /// The content of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cell<'a> {
-    /// As it is written in a text file, in UTF-8 where it is sound.
+    /// The bytes as written in a text file; valid text is UTF-8.
     Text(&'a [u8]),
     /// A number of a binary format.
     Number(f64),
-    /// A whole number of a binary format, exact where it is a stamp.
+    /// A whole number of a binary format; stamps stay exact.
     Integer(i64),
 }
 
-/// What is wrong with the form of a row.
+/// A mistake in the form of a row.
 #[derive(Clone, Debug)]
 pub struct Malformed {
-    /// What it is.
+    /// The mistake.
     pub message: String,
-    /// What to do.
+    /// How to correct it.
     pub help: &'static str,
 }
 

@@ -1,4 +1,4 @@
-//! What TOML says of rows, whatever their format.
+//! The TOML declaration of rows, for all formats.
 
 use super::instant::{Order, Origin, Scale};
 use super::one_or_many::OneOrMany;
@@ -13,9 +13,9 @@ use serde::de::{Deserializer, Error, MapAccess, Visitor};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// Declares the table of a format: its own keys, then those that are the same for every format.
-/// The latter are read as one, a [`RowSpec`]. Its own are `time`, too, such as [`TimeSpec`],
-/// with `stamp`, which says where a row has its stamp.
+/// Declares the table of a format: its own keys, then the keys common to all formats. The common keys are
+/// read as one [`RowSpec`]. A format also declares its own `time`, such as [`TimeSpec`], whose `stamp` gives
+/// the place of the stamp in a row.
 #[macro_export]
 macro_rules! format_spec {
     ($(#[$about:meta])* pub struct $Name:ident { $($own:tt)* }) => {
@@ -30,7 +30,7 @@ macro_rules! format_spec {
             /// that samples evenly and is stamped unevenly.
             #[serde(default)]
             interval: $crate::source::decode::Interval,
-            /// What to do at a row that cannot be read: `stop`, or `skip` it and report.
+            /// The action for a row that cannot be read: `stop`, or `skip` it and report.
             #[serde(default)]
             bad_rows: $crate::source::decode::Policy,
             /// Whether rows that repeat all values of the one before are kept.
@@ -47,7 +47,7 @@ macro_rules! format_spec {
         }
 
         impl $Name {
-            /// What is declared of the rows.
+            /// The declaration of the rows.
             fn rows(&self) -> $crate::source::decode::RowSpec<'_> {
                 $crate::source::decode::RowSpec {
                     stamp: self.time.stamp(),
@@ -65,22 +65,22 @@ macro_rules! format_spec {
     };
 }
 
-/// What is declared of rows, whatever their format.
+/// The declaration of rows, for all formats.
 #[derive(Clone, Debug)]
 pub struct RowSpec<'a> {
-    /// Where the stamp is.
+    /// The place of the stamp.
     pub stamp: Stamp<'a>,
     /// The clock.
     pub timing: Timing<'a>,
     /// The nominal rate.
     pub rate: Option<Positive<dim::Frequency>>,
-    /// What increments cover.
+    /// The interval that increments cover.
     pub interval: Interval,
-    /// What to do at a row that cannot be read.
+    /// The action for a row that cannot be read.
     pub bad_rows: Policy,
     /// Whether repeated rows are kept.
     pub repeats: Repeats,
-    /// What a row has to meet.
+    /// The conditions that a row has to meet.
     pub valid: &'a OneOrMany<Condition>,
     /// Which rows are kept.
     pub keep: Option<Keep>,
@@ -88,8 +88,8 @@ pub struct RowSpec<'a> {
     pub channels: &'a BTreeMap<String, ChannelSpec>,
 }
 
-/// Declares the table of a stamp: where it is in a row, then what is the same for every format, which is
-/// read as one, a [`Timing`].
+/// Declares the table of a stamp: its place in a row, then the keys common to all formats, which are read as
+/// one [`Timing`].
 macro_rules! time_spec {
     ($(#[$about:meta])* pub struct $Name:ident { $($own:tt)* }) => {
         $(#[$about])*
@@ -97,9 +97,9 @@ macro_rules! time_spec {
         #[serde(deny_unknown_fields)]
         pub struct $Name {
             $($own)*
-            /// The stamp at time zero of the log: a number in the unit of the column and as exact as written, or of
-            /// stamps with `counts_from` or `calendar` a date and time, such as `"2025-07-08T19:34:18Z"`. Without
-            /// it these logs begin with GPS time, 1980-01-06.
+            /// The stamp at time zero of the log: a number in the unit of the column, as exact as written. With
+            /// `counts_from` or `calendar`, a date and time, such as `"2025-07-08T19:34:18Z"`; without `epoch`,
+            /// time zero of these logs is the start of GPS time, 1980-01-06.
             epoch: Option<$crate::source::decode::Epoch>,
             /// Seconds of true time per second of this clock.
             #[serde(default = "crate::source::decode::one")]
@@ -109,23 +109,24 @@ macro_rules! time_spec {
             /// Added to every stamp.
             #[serde(default)]
             offset: fusion_models::units::Duration,
-            /// Rows before are left out, in the time of the log.
+            /// Rows before this time of the log are left out.
             start: Option<fusion_models::units::Duration>,
-            /// The first row at or after ends the source, in the time of the log.
+            /// The first row at or after this time of the log ends the source.
             stop: Option<fusion_models::units::Duration>,
-            /// A stamp later than the one before by more than this is wrong if one of the next 20 rows goes back: the
-            /// row is left out and reported. By default ten times the longest of the recent intervals.
+            /// Limit of a jump ahead. A stamp later than the previous stamp by more than this is wrong if one of the
+            /// next 20 rows goes back: the row is left out and reported. By default ten times the longest recent
+            /// interval.
             max_jump: Option<fusion_models::units::Positive<fusion_models::units::dim::Duration>>,
-            /// What to do at a stamp earlier than the one before: `stop`, or `skip` the row.
+            /// The action for a stamp earlier than the previous stamp: `stop`, or `skip` the row.
             #[serde(default)]
             backwards: $crate::source::decode::Policy,
-            /// What to do at a stamp equal to the one before: `stop`, `skip` the row or `keep` it.
+            /// The action for a stamp equal to the previous stamp: `stop`, `skip` the row or `keep` it.
             #[serde(default)]
             ties: $crate::source::decode::Ties,
         }
 
         impl $Name {
-            /// What is declared of the clock.
+            /// The declaration of the clock.
             pub const fn timing(&self) -> $crate::source::decode::Timing<'_> {
                 $crate::source::decode::Timing {
                     epoch: self.epoch.as_ref(),
@@ -144,7 +145,7 @@ macro_rules! time_spec {
 }
 pub(in super::super) use time_spec;
 
-/// What is declared of a clock, whatever the format.
+/// The declaration of a clock, for all formats.
 #[derive(Clone, Copy, Debug)]
 pub struct Timing<'a> {
     pub(in super::super) epoch: Option<&'a Epoch>,
@@ -159,40 +160,41 @@ pub struct Timing<'a> {
 }
 
 time_spec! {
-    /// The stamp of a row: log time = about + scale · (stamp − epoch − about) + offset, of a stamp in two columns their sum.
+    /// The stamp of a row: log time = about + scale · (stamp − epoch − about) + offset. A stamp in two columns is
+    /// their sum.
     pub struct TimeSpec {
         /// Its column. A file without stamps has a `rate` instead.
         column: Option<String>,
-        /// The rate of a recording without stamps, whose first row is at zero; with `column` the rate of its counter of
-        /// samples, which is zero at zero.
+        /// The rate of a recording without stamps; its first row is at time zero. With `column`: the rate of its
+        /// counter of samples, which is zero at time zero.
         rate: Option<Positive<dim::Frequency>>,
-        /// Its unit; decimal stamps of any length are read to the nanosecond. Without it the one in brackets at
-        /// the end of the column's name, as of `t [ms]`, or seconds.
+        /// Its unit; decimal stamps of any length are read to the nanosecond. Without `unit`, the unit in brackets at
+        /// the end of the column's name, as in `t [ms]`, or seconds.
         unit: Option<String>,
-        /// What a stamp counts from, where sources with other clocks are beside it: all are brought to GPS
+        /// The zero point of the stamps, if the design has sources with other clocks: all are converted to GPS
         /// time, which has no leap seconds.
         counts_from: Option<Origin>,
         /// The column holds calendar dates with the time of day, year first, such as
-        /// `2025-07-08T19:34:18.25Z` or `2025/07/08 19:34:18`: in UTC (`Z`, an offset such as `+02:00`, or
-        /// none), GPS time or TAI.
+        /// `2025-07-08T19:34:18.25Z` or `2025/07/08 19:34:18`: in UTC (with `Z`, an offset such as `+02:00`, or
+        /// neither), GPS time or TAI.
         calendar: Option<Scale>,
-        /// The column of the date, where `column` holds the time of day alone: `19:34:18.25`, or `193418.25` as
-        /// NMEA writes it.
+        /// The column of the date, if `column` has only the time of day: `19:34:18.25`, or `193418.25` as NMEA
+        /// writes it.
         date: Option<String>,
-        /// The date of the first row, such as `"2025-07-08"`, where the file has times of day and no date. After
-        /// midnight the next day begins; a gap is shorter than half a day.
+        /// The date of the first row, such as `"2025-07-08"`, if the file has times of day and no date. After
+        /// midnight the next day begins; gaps must be shorter than half a day.
         day: Option<String>,
-        /// The order of day, month and year, where the year is not first: `dmy` for `08/07/2025`, `08.07.25` or
+        /// The order of day, month and year, if the year is not first: `dmy` for `08/07/2025`, `08.07.25` or
         /// `080725`, as NMEA writes it, `mdy` for `07/08/2025`. Years of two digits are 1980 to 2079.
         order: Option<Order>,
-        /// A second column, whose time is added: nanoseconds beside seconds, a week beside its seconds, the number
-        /// of a recording whose clock begins at zero.
+        /// A second column, whose time is added: nanoseconds to seconds, weeks to seconds of the week, or the number of
+        /// a recording to a clock that begins at zero.
         plus: Option<PlusSpec>,
     }
 }
 
 impl TimeSpec {
-    /// What its cells say.
+    /// The declared format of its cells.
     #[must_use]
     pub fn stamp(&self) -> Stamp<'_> {
         let date = self.date.as_ref().map(|column| ("time.date", column.as_str()));
@@ -211,20 +213,20 @@ impl TimeSpec {
     }
 }
 
-/// Where the stamp of a row is and what it says.
+/// The place and format of the stamp of a row.
 #[derive(Clone, Debug, Default)]
 pub struct Stamp<'a> {
-    /// Its columns in the order in which they are read, each with its field; of a calendar the date first. None where
-    /// rows are counted.
+    /// Its columns in the order in which they are read, each with its field; for a calendar the date first. Empty
+    /// if rows are counted.
     pub(in super::super) columns: Vec<(&'static str, &'a str)>,
     pub(in super::super) unit: Option<&'a str>,
     pub(in super::super) counts_from: Option<Origin>,
     pub(in super::super) calendar: Option<Scale>,
-    /// Seconds that one of the second column of a count stands for.
+    /// Seconds per count of the second column.
     pub(in super::super) each: Option<f64>,
-    /// What is counted in a second, of rows or of the column.
+    /// Rows, or counts of the column, per second.
     pub(in super::super) rate: Option<f64>,
-    /// The date of the first row, of times of day.
+    /// The date of the first row, for times of day.
     pub(in super::super) day: Option<&'a str>,
     pub(in super::super) order: Option<Order>,
 }
@@ -239,7 +241,7 @@ pub(in super::super) const fn one() -> f64 {
 pub struct PlusSpec {
     /// The column.
     pub(super) column: String,
-    /// The time that one of it stands for, such as `"1 ns"` or `"7 day"`.
+    /// The time per count, such as `"1 ns"` or `"7 day"`.
     pub(super) each: Positive<dim::Duration>,
 }
 
@@ -293,7 +295,7 @@ impl JsonSchema for Epoch {
     }
 }
 
-/// What to do where a row is wrong.
+/// The action for a wrong row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Policy {
@@ -304,7 +306,7 @@ pub enum Policy {
     Skip,
 }
 
-/// What an increment covers.
+/// The interval that an increment covers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Interval {
@@ -315,7 +317,7 @@ pub enum Interval {
     Nominal,
 }
 
-/// What to do with equal stamps.
+/// The action for equal stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Ties {
@@ -328,26 +330,26 @@ pub enum Ties {
     Keep,
 }
 
-/// What to do with repeated values.
+/// The action for repeated values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Repeats {
     /// Keep them.
     #[default]
     Keep,
-    /// Leave out a row with the same values as the one before.
+    /// Leave out a row with the same values as the row before.
     Drop,
 }
 
-/// Which rows are kept: one in so many, or the others.
+/// Which rows are kept: every n-th row, or all others.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Keep {
     /// Keeps rows number `offset`, `offset + every`, ….
     pub(super) every: Option<NonZeroU64>,
-    /// Keeps all rows but those that `every` of this number would keep.
+    /// Keeps all rows except those that `every` with this number would keep.
     pub(super) except_every: Option<NonZeroU64>,
-    /// Number of the first one, from 0.
+    /// Number of the first such row, from 0.
     #[serde(default)]
     pub(super) offset: u64,
 }
@@ -364,8 +366,8 @@ impl Keep {
     }
 }
 
-/// Whether rows that one table of a source keeps are kept by another one of the same file. What `valid` asks of them differs from
-/// file to file: where both do not ask the same, their rows are taken for others.
+/// Returns true if two source tables of the same file keep rows in common. The meaning of `valid` differs from file to
+/// file: with different `valid` conditions, the tables count as having no common rows.
 pub(crate) fn have_rows_in_common(one: &Node, other: &Node) -> bool {
     let written = |node: &Node, key: &str| node.get(key).map(Node::inline);
     let keep = |node: &Node| node.get("keep").and_then(|keep| keep.read::<Keep>(&mut Diagnostics::new()));
@@ -374,7 +376,7 @@ pub(crate) fn have_rows_in_common(one: &Node, other: &Node) -> bool {
     }
     let keeps = [one, other].map(keep);
     let every = |keep: Keep| keep.every.or(keep.except_every).map_or(1, NonZeroU64::get);
-    // The pattern of both repeats itself after so many rows; 1e6 of them are a log.
+    // The pattern of both repeats after this number of rows; 1e6 rows are a whole log.
     let each = keeps.map(|keep| keep.map_or((1, 0), |keep| (every(keep), keep.offset)));
     let period = each
         .iter()
@@ -391,9 +393,9 @@ pub(crate) fn have_rows_in_common(one: &Node, other: &Node) -> bool {
 pub struct Condition {
     /// The column.
     pub(super) column: String,
-    /// The value required, a number or text; of an array, any one.
+    /// The required value, a number or text; any value of an array.
     pub(super) equals: Option<OneOrMany<Wanted>>,
-    /// The value that is not wanted, a number or text; of an array, none of them is.
+    /// The value to exclude, a number or text; all values of an array.
     pub(super) not_equals: Option<OneOrMany<Wanted>>,
     /// Smallest value allowed.
     pub(super) at_least: Option<f64>,
@@ -402,13 +404,13 @@ pub struct Condition {
 }
 
 impl Condition {
-    /// Whether nothing is asked of the column.
+    /// Returns true if the condition is empty.
     pub(super) const fn is_empty(&self) -> bool {
         self.equals.is_none() && self.not_equals.is_none() && self.at_least.is_none() && self.at_most.is_none()
     }
 }
 
-/// What a cell may have to hold.
+/// A value that a condition names.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a number or text")]
 pub enum Wanted {
@@ -418,7 +420,7 @@ pub enum Wanted {
     Text(String),
 }
 
-/// A channel: the columns that it is made of, and how. One of `column`, `columns`, `enu`, `speed` with `course`,
+/// A channel: its columns and how they are combined. Use one of `column`, `columns`, `enu`, `speed` with `course`,
 /// `quaternion`, `dcm`, `rpy`, `euler`, `latitude` with `longitude` and `height`, `ecef`, `utm`, or `north` with
 /// `east` and `down` or `up`.
 ///
@@ -426,13 +428,13 @@ pub enum Wanted {
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ChannelSpec {
-    /// The column of a single number; of an array of columns their sum.
+    /// The column of a single number; for an array of columns, their sum.
     pub(super) column: Option<OneOrMany<String>>,
-    /// The columns of a vector; an array in place of one stands for the sum of its columns.
+    /// The columns of a vector; an array instead of a column gives the sum of its columns.
     pub(super) columns: Option<Vec<OneOrMany<String>>>,
-    /// The columns of a vector, or of its 1σ, along east, north and up; makes one along north, east and down.
+    /// The columns of a vector, or of its 1σ, along east, north and up; gives a vector along north, east and down.
     pub(super) enu: Option<[String; 3]>,
-    /// The column of the speed over ground, with that of its `course`; makes a velocity north, east, down.
+    /// The column of the speed over ground, with its `course`; makes a velocity north, east, down.
     pub(super) speed: Option<OneColumn>,
     /// The column of the course over ground, clockwise from north.
     pub(super) course: Option<OneColumn>,
@@ -450,50 +452,50 @@ pub struct ChannelSpec {
     pub(super) latitude: Option<String>,
     /// The column of the longitude.
     pub(super) longitude: Option<String>,
-    /// The column of the ellipsoidal height; of `utm`, too.
+    /// The column of the ellipsoidal height; also for `utm`.
     pub(super) height: Option<String>,
     /// The columns of Earth-centred Earth-fixed x, y and z; makes a geodetic position.
     pub(super) ecef: Option<[String; 3]>,
     /// Easting and northing of a zone of Universal Transverse Mercator (WGS-84), with `height`; makes a
     /// geodetic position.
     pub(super) utm: Option<UtmSpec>,
-    /// The column of the metres north of the declared origin; makes a geodetic position.
+    /// The column of metres north of the declared origin; makes a geodetic position.
     pub(super) north: Option<String>,
-    /// The column of the metres east of it.
+    /// The column of metres east of the origin.
     pub(super) east: Option<String>,
-    /// The column of the metres below it; of `speed` and `course`, that of the velocity down.
+    /// The column of metres below the origin; with `speed` and `course`, of the velocity down.
     pub(super) down: Option<OneColumn>,
-    /// The column of the opposite, instead of `down`.
+    /// The column of the upward value, instead of `down`.
     pub(super) up: Option<OneColumn>,
-    /// The unit of the columns, such as `deg/s`. Without it the one in brackets at the end of their names,
-    /// as of `gyro_x [deg/s]`; else a pure number (also with `unit = ""`). Of latitude and longitude and of
-    /// roll, pitch, heading: `rad` or `deg`; of latitude and longitude also `ddmm`, degrees and minutes as NMEA
-    /// writes them (`4854.554` is 48° 54.554'). Of `speed` with `course`: that of the speeds.
+    /// The unit of the columns, such as `deg/s`. Without it, the unit in brackets at the end of their names,
+    /// as in `gyro_x [deg/s]`; otherwise a pure number (also with `unit = ""`). For latitude and longitude and for
+    /// roll, pitch, heading: `rad` or `deg`; for latitude and longitude also `ddmm`, degrees and minutes as NMEA
+    /// writes them (`4854.554` is 48° 54.554'). For `speed` with `course`: the unit of the speeds.
     pub(super) unit: Option<String>,
-    /// The unit of the height. Without it the one in brackets at the end of its column's name, else metres.
+    /// The unit of the height. Without it, the unit in brackets at the end of its column's name, otherwise metres.
     pub(super) height_unit: Option<String>,
     /// Factors on the columns, one for all or one each.
     pub(super) scale: Option<OneOrMany<f64>>,
     /// Added after unit and scale, one for all or one each.
     pub(super) offset: Option<PerAxis>,
-    /// The columns hold variances: the square root is taken. `unit` is that of the columns.
+    /// The columns hold variances: the square root is taken. `unit` is the unit of the columns.
     #[serde(default)]
     pub(super) variance: bool,
     /// The columns hold increments over the interval that ends at the stamp: they become rates.
     #[serde(default)]
     pub(super) increment: bool,
-    /// The columns hold instantaneous samples: the mean of this and the previous one is taken, the
-    /// rate over the interval between.
+    /// The columns hold instantaneous samples: the mean of this and the previous sample is taken as the rate
+    /// over the interval between them.
     #[serde(default)]
     pub(super) average: bool,
-    /// From sensor axes to body axes: x_body = R x_sensor. Of a quaternion: its body side.
+    /// From sensor axes to body axes: x_body = R x_sensor. For a quaternion: its body side.
     pub(super) rotation: Option<RotationSpec>,
     /// From the file's world axes to north-east-down: the navigation side of a quaternion.
     pub(super) navigation_rotation: Option<RotationSpec>,
     /// The quaternion maps navigation to body.
     #[serde(default)]
     pub(super) inverse: bool,
-    /// Conditions that a row has to meet for this channel to have numbers; where it does not, the others have theirs.
+    /// Conditions that a row has to meet for this channel to have numbers; other channels of the row are not affected.
     #[serde(default)]
     pub(super) valid: OneOrMany<Condition>,
     /// How late the stamp is: the values are valid at stamp − latency; at most 1 h.
@@ -501,7 +503,7 @@ pub struct ChannelSpec {
     pub(super) latency: Duration,
 }
 
-/// A column that may have a unit of its own: its name, or `{ column = "SOG", unit = "kn" }`.
+/// A column that may have a separate unit: its name, or `{ column = "SOG", unit = "kn" }`.
 #[derive(Clone, Debug)]
 pub(in super::super) struct OneColumn {
     pub(super) column: String,
@@ -565,8 +567,8 @@ impl JsonSchema for OneColumn {
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in super::super) struct EulerSpec {
-    /// The axis of each turn from navigation to body axes, each about an axis that the ones before have
-    /// turned: `"zyx"` is heading, pitch, roll. About fixed axes the sequence is the reverse.
+    /// The axis of each turn from navigation to body axes. Each turn is about an axis that the earlier turns have
+    /// moved: `"zyx"` is heading, pitch, roll. About fixed axes the sequence is the reverse.
     pub(super) order: String,
     /// The columns of the angles, in this sequence.
     pub(super) columns: [String; 3],
@@ -586,7 +588,7 @@ pub(in super::super) struct UtmSpec {
     pub(super) hemisphere: Hemisphere,
 }
 
-/// On which side of the equator northings count.
+/// The hemisphere of the northings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub(in super::super) enum Hemisphere {

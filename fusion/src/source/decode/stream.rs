@@ -1,4 +1,4 @@
-//! Raw rows, decoded: the stream that a file becomes.
+//! The stream of decoded rows of a file.
 
 use super::ahead::Ahead;
 use super::channel::ChannelPlan;
@@ -27,7 +27,7 @@ struct Decoded<R> {
 }
 
 impl Plan<'_> {
-    /// Decodes the rows of `raw`, whose columns are looked up here.
+    /// Decodes the rows of `raw`; looks up its columns.
     ///
     /// # Errors
     /// Columns that the file does not have, a local position without an origin.
@@ -95,7 +95,7 @@ impl Plan<'_> {
     }
 }
 
-/// The columns of a file, and what was looked for in vain.
+/// The columns of a file, and the errors of names that were not found.
 struct Columns<'a> {
     raw: &'a dyn RawRows,
     file: &'a DataFile,
@@ -103,7 +103,7 @@ struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    /// The numbers of the columns of this name, from 0; of a name that no column has, the column of this number.
+    /// The numbers of the columns with this name, from 0. A name that no column has may be the number of a column.
     fn positions(&self, name: &str) -> Vec<usize> {
         let columns = self.raw.columns();
         let named: Vec<usize> = (0..columns.len()).filter(|k| columns[*k] == name).collect();
@@ -249,7 +249,7 @@ impl<R: RawRows> Decoded<R> {
         self.end()
     }
 
-    /// The end, which is an error where nothing was delivered.
+    /// The end; an error if no row was delivered.
     fn end(&self) -> Result<Option<Stamp>, SourceError> {
         let report = self.counts.report();
         if report.used > 0 {

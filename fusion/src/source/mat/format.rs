@@ -6,8 +6,8 @@
 //! ```
 //!
 //! Source    MathWorks, MAT-File Format (2024), chapter 1: level 5
-//! Not here  complex and sparse arrays, text, cells, arrays of structures, objects: named as what they are
-//!           and left out; files of version 4, and those of 7.3, which are HDF5
+//! Not here  complex and sparse arrays, text, cells, arrays of structures, objects: named by their kind and
+//!           left out; files of version 4, and files of version 7.3, which are HDF5
 
 use flate2::read::ZlibDecoder;
 use std::io::Read;
@@ -15,7 +15,7 @@ use std::io::Read;
 /// An array of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Variable {
-    /// Its name, of one within structures with theirs: `imu.acc`.
+    /// Its name, with the names of the structures around it: `imu.acc`.
     pub(super) name: String,
     /// Its dimensions, two at least.
     pub(super) shape: Vec<usize>,
@@ -30,20 +30,20 @@ impl Variable {
     }
 }
 
-/// What an array holds, the first index the fastest.
+/// The content of an array; the first index changes fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Content {
     Numbers(Vec<f64>),
     /// Whole numbers, exact.
     Integers(Vec<i64>),
-    /// What it is instead of numbers.
+    /// Not numbers; the text names the kind.
     Other(&'static str),
 }
 
-/// Bytes of a file, and of all its arrays unpacked.
+/// The largest number of bytes of a file, and of all its arrays unpacked.
 pub(super) const MOST: u64 = 1 << 30;
 
-/// What is said of more.
+/// The message for a larger file.
 pub(super) fn too_large() -> String {
     format!(
         "this file has more than {} GiB: split it, or save the arrays that are needed alone",
@@ -66,7 +66,7 @@ const OPAQUE: u32 = 17;
 /// All arrays of a file, in its order.
 ///
 /// # Errors
-/// What is wrong with the file, and where.
+/// The mistake in the file, and its place.
 pub(super) fn variables(file: &[u8]) -> Result<Vec<Variable>, String> {
     let is_big = is_big_endian(file)?;
     let mut rest = Bytes {
@@ -140,7 +140,7 @@ impl<'a> Bytes<'a> {
         let is_big = self.is_big;
         let part = |bytes| Self { bytes, is_big };
         if tag >> 16 != 0 {
-            // Up to four bytes lie in the tag itself.
+            // Up to four bytes are in the tag itself.
             let data = part(self.take(4)?);
             let data = data
                 .bytes
@@ -169,7 +169,7 @@ impl<'a> Bytes<'a> {
         let own = self.text()?;
         let name = within.map_or_else(|| own.clone(), str::to_owned);
         if name.is_empty() {
-            // The data of objects, which have no name of their own.
+            // The data of objects, which have no name.
             return Ok(());
         }
         let count = shape.iter().try_fold(1_usize, |n, k| n.checked_mul(*k));

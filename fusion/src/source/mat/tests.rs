@@ -1,4 +1,4 @@
-//! Files of SciPy, hand-made bytes for what it does not write, and a real recording beside what was made of it.
+//! Files of SciPy, hand-made bytes for types that it does not write, and a real recording with its converted copy.
 
 use super::format::variables;
 use super::*;
@@ -176,7 +176,7 @@ proptest! {
     }
 }
 
-/// BROAD, trial 02: its CSV was made of the same file by other software, with seven digits.
+/// BROAD, trial 02: other software made its CSV from the same file, with seven digits.
 #[test]
 fn a_recorded_file_is_that_which_was_made_of_it_by_hand() {
     let data = std::env::var_os("FUSION_DATA").unwrap_or_else(|| "../../shared/data".into());

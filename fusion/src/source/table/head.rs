@@ -1,4 +1,4 @@
-//! What a text file begins with: comments, and the lines that name its columns.
+//! The head of a text file: comments, and the lines that name its columns.
 
 use super::{BLANKS, DELIMITERS, is_stamp};
 use crate::rows::SourceError;
@@ -8,42 +8,42 @@ use ::csv::ReaderBuilder;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-/// What comments may begin with.
+/// Possible marks of comments.
 const MARKS: [&str; 3] = ["//", "#", "%"];
-/// Lines that are looked at.
+/// The number of lines examined.
 const LINES: usize = 200;
-/// Bytes of a line that are looked at: the reader of rows tells of a longer one.
+/// Bytes of a line that are examined; the reader of rows reports a longer line.
 const LONGEST: u64 = 1 << 20;
-/// More lines of names and units nobody writes.
+/// The largest number of lines with names and units.
 const MOST: usize = 4;
 
-/// What a text file begins with.
+/// The head of a text file.
 #[derive(Debug)]
 pub(super) struct Head {
     pub(super) delimiter: &'static str,
-    /// What comments begin with, where the file begins with some.
+    /// The mark of comments, if the file begins with comments.
     pub(super) comment: Option<&'static str>,
     /// The comments that the file begins with, without their mark.
     comments: Vec<String>,
-    /// Whether the last of them names the columns.
+    /// Whether the last comment names the columns.
     pub(super) is_commented: bool,
-    /// The lines before the rows that are no comments, each with its number from 1.
+    /// The lines before the rows that are not comments, each with its number from 1.
     lines: Vec<(usize, Vec<String>)>,
 }
 
-/// How the columns are called.
+/// The names of the columns.
 #[derive(Debug, Default)]
 pub(super) struct Names {
-    /// Names of a declaration, where those of the file stand for several columns each.
+    /// Names for a declaration, if a name in the file belongs to several columns.
     pub(super) given: Option<Vec<String>>,
-    /// Lines that a declaration passes over.
+    /// Lines that a declaration skips.
     pub(super) skip: usize,
-    /// The names with what the line below says, such as a unit.
+    /// The names with the text of the line below, such as a unit.
     pub(super) labels: Vec<String>,
 }
 
 impl Head {
-    /// That of a file.
+    /// Reads the head of a file.
     pub(super) fn read(path: &Path) -> Result<Self, SourceError> {
         let context = OpenContext::default();
         Ok(Self::of(&lines(BufReader::new(DataFile::new(path, &context).bytes(&context)?))))
@@ -93,12 +93,12 @@ impl Head {
         }
     }
 
-    /// Whether a line of its own names the columns.
+    /// Whether a separate line names the columns.
     pub(super) fn has_header(&self) -> bool {
         !self.lines.is_empty()
     }
 
-    /// How the columns are called.
+    /// The names of the columns.
     pub(super) fn names(&self) -> Names {
         let [(first, names), (second, below), ..] = &self.lines[..] else {
             return Names::default();
@@ -134,7 +134,7 @@ impl Head {
         }
     }
 
-    /// The rate that a comment tells, and the comment.
+    /// The rate that a comment states, and the comment.
     pub(super) fn rate(&self) -> Option<(String, f64)> {
         let rate = |comment: &String| {
             let lower = comment.to_lowercase();
@@ -149,7 +149,7 @@ impl Head {
     }
 }
 
-/// The lines that are not empty, each with its number from 1; what cannot be read is told by whoever reads the rows.
+/// The lines that are not empty, each with its number from 1. The reader of the rows reports read errors.
 fn lines(mut reader: impl BufRead) -> Vec<(usize, String)> {
     let mut all = Vec::new();
     for number in 1..=LINES {
@@ -166,7 +166,7 @@ fn lines(mut reader: impl BufRead) -> Vec<(usize, String)> {
     all
 }
 
-/// What separates the fields of a line: what there is most of, or blanks where there is none of it.
+/// The delimiter of a line: the most frequent delimiter, or blanks if there is none.
 fn delimiter(line: &str) -> &'static str {
     let count = |delimiter: &str| split(line, delimiter).len();
     let best = DELIMITERS.into_iter().rev().max_by_key(|d| count(d)).unwrap_or(",");
@@ -189,13 +189,13 @@ fn split(line: &str, delimiter: &str) -> Vec<String> {
     record.iter().map(|field| field.trim().to_owned()).collect()
 }
 
-/// Whether one of the fields is a number or a stamp.
+/// Returns true if one of the fields is a number or a stamp.
 fn is_row(fields: &[String]) -> bool {
     fields.iter().any(|field| field.parse::<f64>().is_ok() || is_stamp(field, fields))
 }
 
-/// How many of these lines name the columns: the first, unless all of it is numbers and stamps, and those of as many fields
-/// after it without a number or a stamp, if such are below.
+/// The number of lines that name the columns. The first line does, unless it has only numbers and stamps. Lines after
+/// it count too if they have as many fields and no number or stamp, and a row with numbers or stamps follows.
 fn header(lines: &[(usize, Vec<String>)]) -> usize {
     let Some((_, first)) = lines.first() else { return 1 };
     if first.iter().all(|field| field.parse::<f64>().is_ok() || is_stamp(field, first)) {
@@ -207,7 +207,7 @@ fn header(lines: &[(usize, Vec<String>)]) -> usize {
     if ends && !is_row(first) { 1 + more } else { 1 }
 }
 
-/// Whether a name stands for several columns.
+/// Returns true if several columns have the same name.
 pub(super) fn is_ambiguous(names: &[String]) -> bool {
     (1..names.len()).any(|k| names[..k].contains(&names[k]))
 }

@@ -2,8 +2,8 @@
 //!
 //! Heading    e = wrap(ψd − ψ̂), r = sat(Kp e + Ki ∫e dt − Kd ψ̂'), the integral only for small |e|
 //! Line       e = −(N−N0) sin χ + (E−E0) cos χ, ψd = χ − atan((e + κ I)/Δ), I' = Δ e/(Δ² + (e + κ I)²)
-//! Speed      min(U, least + k · way to go) where there is one
-//! ψ̂'         from two estimates, one period apart: no estimator is asked for more than a heading
+//! Speed      min(U, least + k · way to go) if a way to go is given
+//! ψ̂'         from two estimates, one period apart: the estimator only needs to give a heading
 //! Source     heading: textbook; line: Børhaug, Pavlov, Pettersen, IEEE CDC 2008 (integral line of sight)
 
 use super::{Command, Control, ControlSpec, Goal, Seen};
@@ -43,7 +43,7 @@ struct HeadingSpec {
     derivative: NonNegative<dim::Ratio>,
     /// The integral grows only while the error is smaller than this; 15 degrees without it.
     integral_within: Option<Positive<dim::Angle>>,
-    /// Greatest rate of turn asked for.
+    /// Greatest commanded rate of turn.
     max_rate: Positive<dim::AngularRate>,
 }
 
@@ -91,7 +91,7 @@ impl ControlSpec for AutopilotSpec {
             gains: [heading.proportional.si(), heading.integral.si(), heading.derivative.si()],
             within: heading.integral_within.map_or(15_f64.to_radians(), |w| w.si()),
             max_rate: heading.max_rate.si(),
-            // Without a law for lines it aims so far ahead that it runs parallel to them.
+            // Without a control law for lines it aims infinitely far ahead, and so runs parallel to them.
             look_ahead: line.map_or(f64::INFINITY, |l| l.look_ahead.si()),
             line_integral: line.map_or(0.0, |l| l.integral.si()),
             least: self.approach.least.map_or(0.05, |v| v.si()),
@@ -175,7 +175,7 @@ impl Control for Autopilot {
                 let (sin, cos) = course.sin_cos();
                 let off = seen.position - from;
                 let heading = self.aim(off.y * cos - off.x * sin, course, dt);
-                // What heads elsewhere turns before it runs.
+                // A vehicle with another heading turns first.
                 let faces = wrap_angle(heading - seen.heading).abs() < FRAC_PI_2 / 2.0;
                 (heading, if faces { self.slowed(speed, to_go) } else { 0.0 })
             }

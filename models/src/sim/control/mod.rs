@@ -1,4 +1,4 @@
-//! Controllers: from a goal and what the vehicle knows of itself to a command.
+//! Controllers: from a goal and the vehicle's estimate to a command.
 //!
 //! A controller sees the estimate of the filter that the vehicle carries, never the truth.
 
@@ -10,7 +10,7 @@ use core::fmt::Debug;
 use fusion_core::Time;
 use nalgebra::Vector2;
 
-/// Where the vehicle takes itself to be.
+/// The vehicle's own estimate of its place and heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
     /// Now.
@@ -21,7 +21,7 @@ pub struct Seen {
     pub heading: f64,
 }
 
-/// What a task wants at the moment.
+/// The present goal of a task.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
     /// To stand.
@@ -50,13 +50,13 @@ pub enum Goal {
 
 /// A controller as it runs.
 pub trait Control: Debug + Send {
-    /// Forgets what it has added up: another task begins.
+    /// Resets its integrators: another task begins.
     fn begin(&mut self);
 
-    /// What it asks of the vehicle; called at its own rate.
+    /// The command to the vehicle; called at the controller's rate.
     fn command(&mut self, goal: &Goal, seen: &Seen) -> Command;
 
-    /// The heading that its last command leads to \[rad\]; none where that stands, or where it steers by
+    /// The heading that its last command leads to \[rad\]. `None` if the command is to stand, or if it steers by
     /// something else.
     fn heading(&self) -> Option<f64> {
         None
@@ -69,7 +69,7 @@ pub trait ControlSpec: Debug + Send + Sync {
     /// How often it runs \[Hz\].
     fn rate(&self) -> f64;
 
-    /// Whether it can follow a line; [`Goal::Line`] is asked of no other.
+    /// Whether it can follow a line; other controllers never get a [`Goal::Line`].
     fn follows_lines(&self) -> bool;
 
     /// Makes the controller.

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Greatest acceleration where none is stated \[m/s²\].
+/// Default greatest acceleration \[m/s²\].
 const ACCELERATION: f64 = 0.2;
 
 /// Stands still.
@@ -123,7 +123,7 @@ impl Segment for Straight {
 }
 
 /// Runs ahead while swinging from side to side, the nose along the path. Progress along the axis
-/// of the run is that of a straight run, so the speed over ground is slightly greater.
+/// is the same as in a straight run, so the speed over ground is slightly greater.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SineSpec {

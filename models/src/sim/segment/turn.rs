@@ -9,17 +9,17 @@ use nalgebra::{Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Turns at the present speed on a level plane. The turn rate ramps up and down over a quarter
-/// of the time each; the path ends exactly where the arc of `radius` would.
+/// Turns at the present speed on a level plane. The turn rate ramps up in the first quarter of the time and
+/// down in the last quarter. The path ends exactly at the end of the arc with `radius`.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TurnSpec {
     /// How far to turn, right positive, at most 270 degrees; two half turns make a full circle.
     angle: Quantity<dim::Angle>,
-    /// Radius of the arc of the same ends; the path is at its tightest a fifth or a quarter
-    /// tighter. This or `rate`.
+    /// Radius of the arc with the same ends; the path is tighter by a fifth to a quarter at its tightest
+    /// point. This or `rate`.
     radius: Option<Positive<dim::Length>>,
-    /// Turn rate on the arc of the same ends; this or `radius`.
+    /// Turn rate on the arc with the same ends; this or `radius`.
     rate: Option<Positive<dim::AngularRate>>,
     /// Whether the body leans into the turn, so that it feels no side force.
     #[serde(default)]
@@ -41,7 +41,7 @@ bank = true
 impl SegmentSpec for TurnSpec {
     fn build(&self, from: &Junction) -> Result<Box<dyn Segment>, BuildError> {
         let (speed, angle) = (from.moving()?, self.angle.si());
-        // 1e-9: a rounding beyond the limit is no mistake.
+        // 1e-9: a rounding beyond the limit is allowed.
         if angle == 0.0 || angle.abs() > 1.5 * PI + 1e-9 {
             let help = "two turns of 180 degrees make a full circle";
             return Err(BuildError::at("angle", "a turn is of 270 degrees at most, and not 0").help(help));

@@ -42,7 +42,7 @@ fn positive<D: Dimensional>(text: &str) -> Positive<D> {
     Positive::from_text(text).expect("a quantity")
 }
 
-/// Of a person of middle size at 1.3 m/s.
+/// The stride of a person of average height at 1.3 m/s.
 fn length() -> Positive<dim::Length> {
     positive("1.4 m")
 }
@@ -121,7 +121,7 @@ struct Walk {
     heading: f64,
     /// In each stride \[rad\].
     turn: f64,
-    /// Where the foot stands before each stride, and after the last.
+    /// The places of the foot before each stride, and after the last.
     places: Vec<Vector3<f64>>,
     period: f64,
     /// The part of it before the swing \[s\].

@@ -1,9 +1,9 @@
-//! When the sources of a simulated run have rows.
+//! The times at which the sources of a simulated run have rows.
 
 use fusion_core::Time;
 use fusion_core::time::nanos;
 
-/// Who has a row.
+/// A source of rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
     Imu,
@@ -34,11 +34,11 @@ impl Clock {
     }
 }
 
-/// Who has a row next, and when.
+/// The clocks of all sources, and the source with the next row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Clocks {
     all: Vec<Clock>,
-    /// The one whose row comes next.
+    /// The index of the clock whose row comes next.
     due: usize,
 }
 
@@ -55,12 +55,12 @@ impl Clocks {
         self.look();
     }
 
-    /// Whose row comes next, and its instant; of several at one instant the one added first.
+    /// The source of the next row, and its instant. If several are due at the same instant, the source added first.
     pub(super) fn due(&self) -> Option<(Source, Time)> {
         self.all.get(self.due).map(|clock| (clock.source, clock.next))
     }
 
-    /// The row of `source` has come: the next one is due.
+    /// The row of `source` has come: its next row is due.
     pub(super) fn tick(&mut self, source: Source) {
         self.change(source, |clock| clock.set(clock.count + 1));
     }
@@ -73,7 +73,7 @@ impl Clocks {
         });
     }
 
-    /// Changes the clock of `source`, and finds the one that is due then.
+    /// Changes the clock of `source`, and finds the clock that is due next.
     fn change(&mut self, source: Source, change: impl FnOnce(&mut Clock)) {
         if let Some(clock) = self.all.iter_mut().find(|clock| clock.source == source) {
             change(clock);

@@ -1,4 +1,4 @@
-//! What is true in a run, free of errors: as the world goes on, or as recorded once for all seeds.
+//! The truth of a run, free of errors: computed as the world advances, or recorded once for all seeds.
 
 use super::super::world::{Truth, World};
 use super::clock::{Clocks, Source};
@@ -6,27 +6,27 @@ use super::unit::{IdealUnit, Reading};
 use fusion_core::Time;
 use std::sync::{Arc, OnceLock};
 
-/// The most that a course may take of memory \[byte\]: two hours and a half of samples at 100 Hz. A longer one
-/// is made anew in every run.
+/// The most memory that a course may use \[byte\]: two hours and a half of samples at 100 Hz. A longer course
+/// is computed again in every run.
 const MOST_BYTES: f64 = 64.0 * 1024.0 * 1024.0;
 
-/// What is true at the instants of a run, which does not depend on its seed.
+/// The truth at the instants of a run, which does not depend on its seed.
 #[derive(Debug)]
 struct Course {
-    /// At every instant at which something else than the inertial unit is read; at first that of the start.
+    /// The truth at the start, and at every instant at which another source than the inertial unit is read.
     truths: Vec<Truth>,
-    /// What the inertial unit reads.
+    /// The readings of the inertial unit.
     readings: Vec<Reading>,
 }
 
-/// What runs of one simulated design with other seeds have in common: where nothing influences the trajectory,
-/// the truth and the samples of the inertial unit before their errors. The first run that
+/// The common part of runs of one simulated design with different seeds, if nothing influences the trajectory:
+/// the truth, and the samples of the inertial unit before their errors. The first run that
 /// [shares](super::Simulator::share) it makes it.
 #[derive(Debug, Default)]
 pub struct SharedCourse(OnceLock<Arc<Course>>);
 
 impl SharedCourse {
-    /// Whether there is one: a run has shared what it has in common with others.
+    /// Whether a run has made it.
     #[must_use]
     pub fn is_made(&self) -> bool {
         self.0.get().is_some()
@@ -41,7 +41,7 @@ pub(super) struct ErrorFree {
     recorded: Option<Recorded>,
 }
 
-/// How far a recorded course has come.
+/// The position in a recorded course.
 #[derive(Debug)]
 struct Recorded {
     course: Arc<Course>,
@@ -58,7 +58,7 @@ impl ErrorFree {
         }
     }
 
-    /// What is true now.
+    /// The truth now.
     pub(super) fn truth(&self) -> &Truth {
         let recorded = self.recorded.as_ref().and_then(|r| r.course.truths.get(r.truth));
         recorded.unwrap_or_else(|| self.world.truth())
@@ -75,7 +75,7 @@ impl ErrorFree {
         }
     }
 
-    /// At `time`, which has come, the inertial unit has a sample: adds those that are known then.
+    /// At `time`, which is now, the inertial unit has a sample: adds the samples that are known by then.
     pub(super) fn read(&mut self, time: Time, out: &mut Vec<Reading>) {
         let Some(recorded) = &mut self.recorded else {
             let truth = self.world.truth();
@@ -96,7 +96,7 @@ impl ErrorFree {
         }
     }
 
-    /// Adds the sample that the end of the run leaves without its second.
+    /// At the end of the run, adds the first sample of a pair that has no second sample.
     pub(super) fn release(&mut self, out: &mut Vec<Reading>) {
         match self.recorded {
             Some(_) => self.read(Time::MAX, out),
@@ -104,7 +104,7 @@ impl ErrorFree {
         }
     }
 
-    /// Goes by what is `shared` from now, the start, on; `clocks` tell the instants.
+    /// Uses the `shared` course from now on; called at the start. `clocks` give the instants.
     pub(super) fn share(&mut self, shared: &SharedCourse, clocks: &Clocks) {
         let [readings, truths] = clocks.rows(Source::Imu, self.world.end().seconds());
         let bytes = readings * size_of::<Reading>() as f64 + truths * size_of::<Truth>() as f64;

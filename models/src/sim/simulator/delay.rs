@@ -1,5 +1,5 @@
-//! By how much rows are stamped after they are valid: what the design says, or what is true where the
-//! offset is a state whose true value is drawn and may move.
+//! The delay from a row's validity to its stamp: the design gives it. If the offset is a state, its true value
+//! is drawn and may move.
 
 use super::SimulatedSensor;
 use fusion_core::state::{Dynamics, Layout, Scalar, Slot};
@@ -8,13 +8,13 @@ use fusion_core::time::nanos;
 /// How many σ an offset that moves is expected to stay within.
 const MOST_SIGMAS: f64 = 8.0;
 
-/// By how much the rows of a sensor are stamped after they are valid.
+/// The delay of a sensor's rows from validity to stamp.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Delay {
     /// Without the offset \[s\].
     fixed: f64,
     offset: Option<Slot<Scalar>>,
-    /// By how much the offset may move during the run \[s\].
+    /// How far the offset may move during the run \[s\].
     play: f64,
 }
 
@@ -34,12 +34,12 @@ impl Delay {
         }
     }
 
-    /// What it is where the true state is `x` \[ns\].
+    /// The delay if the true state is `x` \[ns\].
     pub(super) fn at(&self, x: &[f64]) -> i64 {
         nanos(self.fixed + self.offset.map_or(0.0, |offset| offset.read(x)))
     }
 
-    /// The least that it will ever be, `x` being true at first \[ns\].
+    /// The smallest delay in the run, if `x` is the true state at the start \[ns\].
     pub(super) fn least(&self, x: &[f64]) -> i64 {
         self.at(x) - nanos(self.play)
     }

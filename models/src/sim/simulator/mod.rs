@@ -5,16 +5,16 @@
 //! there. A row stamped later than it is valid waits in a queue, so memory is bounded by the
 //! longest delay, not by the length of the run.
 //!
-//! Streams  `imu`, `odometry`, `track_speeds`, those of ships, one per sensor, `reference`. All but the reference carry
+//! Streams  `imu`, `odometry`, `track_speeds`, ship streams, one per sensor, `reference`. All but the reference have
 //!          errors
 //! x_true   blocks named `position` (geodetic or local), `local_position`, `velocity`,
 //!          `attitude`, `heading`, `speed`, `yaw_rate` from the world; `gyro_bias`, `accel_bias`,
-//!          `gyro_scale`, `accel_scale` from the simulated unit; a log's `current` from the sea, where that has one; the pose
-//!          of a vessel is that of the platform with the name of its sensor, or else that of the ship;
+//!          `gyro_scale`, `accel_scale` from the simulated unit; a log's `current` from the sea, if it has one; a
+//!          vessel's pose from the platform with the name of its sensor, or else from the ship;
 //!          every other block at its declared
-//!          initial value, or, where that is not [given](Setup::given) as the true one, drawn about it; moved by its own
-//!          dynamics (`draw_parameters`)
-//! Shared   what is true of a trajectory, and the samples of the inertial unit before their errors, are the same for
+//!          initial value, or drawn about it if this value is not [given](Setup::given) as the true one; moved by its
+//!          own dynamics (`draw_parameters`)
+//! Shared   the truth of a trajectory, and the samples of the inertial unit before their errors, are the same for
 //!          every seed: runs that [share](Simulator::share) them make them once
 //! Signals  from the process's own `signals` at x_true, its input being the true rates plus the
 //!          true biases where those are states
@@ -62,40 +62,40 @@ use unit::{IdealUnit, Reading};
 /// A sensor to simulate.
 #[derive(Clone, Debug)]
 pub struct SimulatedSensor {
-    /// Its name, which is that of its stream.
+    /// Its name, which is also the name of its stream.
     pub name: String,
     /// Its model.
     pub model: Arc<dyn Measurement>,
-    /// The channels its value is.
+    /// The channels of its value.
     pub channels: Vec<Channel>,
     /// The dimension of each residual row.
     pub rows: Vec<Dimension>,
     /// Seconds by which its rows are valid before their stamp.
     pub delay: f64,
-    /// Its time offset where that is a state: `delay` is right for its declared value.
+    /// Its time offset, if it is a state: `delay` is right for its declared value.
     pub offset: Option<Slot<Scalar>>,
 }
 
-/// What a run is simulated for.
+/// The filter and the sensors for which a run is simulated.
 #[derive(Debug)]
 pub struct Setup<'a> {
     /// The state of the filter.
     pub layout: &'a Layout,
     /// Its process, for the signals.
     pub process: Arc<dyn Process>,
-    /// What an input sample of the process consists of.
+    /// The channels of an input sample of the process.
     pub input: &'a [Channel],
     /// Origin of the local coordinates.
     pub origin: Geodetic,
     /// The gravity model.
     pub gravity: Gravity,
-    /// The sensors; those that read a constant are not simulated and do not belong here.
+    /// The sensors, except sensors that read a constant: they are not simulated.
     pub sensors: Vec<SimulatedSensor>,
-    /// Names of sensors that read what an instrument or a stage makes: no truth of their parameters is known.
+    /// Names of sensors that read the output of an instrument or a stage: no truth of their parameters is known.
     pub others: Vec<String>,
-    /// States whose initial value is the true one: they are not drawn.
+    /// States whose initial value is the true value: they are not drawn.
     pub given: Vec<String>,
-    /// The state that the truth is told in, if another: its blocks are among those of `layout`.
+    /// The layout in which the truth is reported, if it is another: all its blocks are in `layout` too.
     pub told: Option<&'a Layout>,
 }
 
@@ -104,7 +104,7 @@ pub struct Setup<'a> {
 pub struct SimulatedStream {
     /// `imu`, `reference`, or the name of a sensor.
     pub name: String,
-    /// What its rows consist of.
+    /// The channels of its rows.
     pub channels: Vec<Channel>,
 }
 
@@ -127,7 +127,7 @@ pub const INSTRUMENTS: [(&str, &str); 6] = [
     (SHIP_STREAMS[1], "ship.attitude"),
     (SHIP_STREAMS[ACOUSTIC], "ship.usbl"),
 ];
-/// The same, and those of these platforms.
+/// The same, with the instruments of these platforms.
 pub fn instruments<'a>(platforms: impl IntoIterator<Item = &'a str>) -> Vec<(String, String)> {
     let own = INSTRUMENTS.map(|(stream, table)| (stream.to_owned(), table.to_owned()));
     let of_platforms = platforms.into_iter().flat_map(|name| ship_instruments(Some(name)));
@@ -143,37 +143,37 @@ pub struct Simulator {
     streams: Vec<SimulatedStream>,
     clocks: Clocks,
     free: ErrorFree,
-    /// What the inertial unit reads, on its way to its errors.
+    /// The readings of the inertial unit that have no errors added yet.
     readings: Vec<Reading>,
     truth: TrueState,
     /// The errors of the inertial unit.
     imu: Option<ImuError>,
     odometry: Option<(Odometry, usize)>,
     track_speeds: Option<(TrackSpeeds, usize)>,
-    /// The ships with their streams, where they have the instrument.
+    /// The ships with their streams; `None` if the ship lacks the instrument.
     ships: Vec<(Ship, [Option<usize>; SHIP_STREAMS.len()])>,
     sensors: Vec<Sensor>,
     queue: BinaryHeap<Reverse<Row>>,
     spare: Vec<Vec<f64>>,
     sequence: u64,
-    /// By how much a row may be stamped before it is valid \[ns\], 0 or negative.
+    /// The smallest delay from validity to stamp \[ns\], 0 or negative: a row may be stamped before it is valid.
     least_delay: i64,
-    /// Where the truth is told, and where it stands in the true state.
+    /// The range of each block in the reported truth, and its range in the true state.
     told: Vec<[Range<usize>; 2]>,
     reference_state: Vec<f64>,
 }
 
-/// What comes next in a run.
+/// The next event in a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
     /// A row of that stream, with its stamp.
     Row(usize, Time),
-    /// The instant at which the world is to be [steered](Simulator::steer): all rows stamped up to then
+    /// The instant at which the world must be [steered](Simulator::steer): all rows stamped up to this instant
     /// have come.
     Control(Time),
 }
 
-/// In place of a stream: a row that only marks when the world is steered, after all others of its stamp.
+/// In place of a stream: a row that only marks when the world is steered, after all other rows with its stamp.
 const CONTROL: usize = usize::MAX;
 
 /// A row that waits for its turn: by stamp, then stream, then order of making.
@@ -205,13 +205,13 @@ struct Sensor {
     error: SensorError,
     delay: Delay,
     stream: usize,
-    /// Where the true state has its bias, to which the errors of the instrument that last add up.
+    /// The range of its bias in the true state; the bias is the sum of the instrument's lasting errors.
     bias: Option<Range<usize>>,
 }
 
 impl Simulator {
-    /// A run in the world of `spec`; `seed` is usually that of `spec`. With a `script` a vehicle is not
-    /// steered, but given these commands.
+    /// A run in the world of `spec`; `seed` is usually the seed in `spec`. With a `script`, a vehicle is not
+    /// steered but receives these commands.
     ///
     /// # Errors
     /// [`BuildError`] whose field is within `[simulation]`.
@@ -221,7 +221,7 @@ impl Simulator {
         Self::in_world(world, spec, setup, seed)
     }
 
-    /// A run in a world of its own kind; trajectory and vehicle of `spec` are not looked at.
+    /// A run in a custom world; trajectory and vehicle of `spec` are ignored.
     ///
     /// # Errors
     /// [`BuildError`] whose field is within `[simulation]`.
@@ -366,40 +366,40 @@ impl Simulator {
         self.free.world.listens(now)
     }
 
-    /// Tells the world where the vehicle takes itself to be at the instant of a [`Next::Control`];
-    /// nothing before its filter has started.
+    /// Passes the vehicle's own estimate to the world, at the instant of a [`Next::Control`].
+    /// `seen` is `None` before its filter has started.
     pub fn steer(&mut self, now: Time, seen: Option<&Seen>) {
         self.free.world.steer(now, seen);
     }
 
-    /// The commands that a vehicle has had, where there is one.
+    /// The commands that the vehicle has received, if there is a vehicle.
     #[must_use]
     pub fn script(&self) -> Option<Script> {
         self.free.world.script()
     }
 
-    /// How well the world was steered, where it is.
+    /// How well the world was steered, if it is steered.
     #[must_use]
     pub fn record(&self) -> Option<Record> {
         self.free.world.record()
     }
 
-    /// What is true at the last instant simulated, which may lie after the last row returned; of a
-    /// [shared](Self::share) course at the last one at which something else than the inertial unit was read.
+    /// The truth at the last simulated instant, which may be after the last returned row. In a
+    /// [shared](Self::share) course, the last instant at which another source than the inertial unit was read.
     #[must_use]
     pub fn truth(&self) -> &Truth {
         self.free.truth()
     }
 
-    /// The true state, in the layout of the filter, that belongs to the last `reference` row
-    /// returned: what a filter's consistency is judged by.
+    /// The true state, in the layout of the filter, that belongs to the last returned `reference` row.
+    /// A filter's consistency is judged by it.
     #[must_use]
     pub fn reference_state(&self) -> &[f64] {
         &self.reference_state
     }
 
-    /// Whether the true value of a block of the filter's state comes from the world or a draw; any
-    /// other is truly at its declared initial value, which proves nothing of its covariance.
+    /// Whether the true value of a block in the filter's state comes from the world or a draw. Any
+    /// other block has its declared initial value as the truth, which proves nothing about its covariance.
     #[must_use]
     pub fn is_drawn(&self, block: &str) -> bool {
         self.truth.is_drawn(block)
@@ -536,7 +536,7 @@ impl Simulator {
         self.truth.fill(self.free.truth(), &bias, &scale);
     }
 
-    /// Sends what the inertial unit reads through its errors.
+    /// Adds the errors of the inertial unit to its readings.
     fn spoil_readings(&mut self) {
         let mut readings = core::mem::take(&mut self.readings);
         for reading in readings.drain(..) {
@@ -560,7 +560,7 @@ fn own_bias(layout: &Layout, sensor: &SimulatedSensor) -> Option<Range<usize>> {
     is_of_rows.then(|| block.storage_range())
 }
 
-/// Where the blocks of a state stand in it, and where they stand in the true state.
+/// For each block of a state: its range there, and its range in the true state.
 fn told(layout: &Layout, truth: &Layout) -> Result<Vec<[Range<usize>; 2]>, BuildError> {
     let place = |block: &Block| {
         let of_truth = truth.blocks().iter().find(|b| b.name == block.name && b.kind == block.kind);

@@ -257,7 +257,7 @@ fn starts_are_drawn_about_the_truth_with_the_declared_sigma() {
         // 7 %: √(1/2n) = 1.6 %, four times; 1e-8 m: Earth-centred coordinates of the truth.
         assert!((spread - sigma).abs() < 0.07 * sigma + 1e-8, "{k}: {spread} {sigma}");
     }
-    // What initialisers find from data is left alone; where that is all, there is nothing to draw.
+    // Blocks that initialisers find from data stay unchanged; if these are all blocks, nothing is left to draw.
     let found = ["local_position", "velocity", "attitude"];
     let none = DrawnStart::new(&design.simulation, &layout, (ORIGIN, Gravity::default()), &found, 1);
     assert_eq!(none.unwrap_err().field, "draw_start");
@@ -279,7 +279,7 @@ fn a_row_is_the_antenna_at_the_time_it_is_valid() {
     for (k, (_, stamp, z)) in fixes.iter().enumerate() {
         let valid = stamp.shifted(-150_000_000);
         assert_eq!(valid, Time::from_nanos(3_000_000).shifted(nanos(k as f64 / 7.0)));
-        // The reference is there to the millisecond; every seventh fix falls on one.
+        // The reference has a row every millisecond; every seventh fix falls on one.
         let Some((_, time, truth)) = reference.get((valid.nanos() / 1_000_000) as usize) else {
             continue;
         };
@@ -396,7 +396,7 @@ fn the_true_bias_of_a_sensor_is_all_of_its_error_that_lasts() {
         lasts
     };
     let (alone, both) = (truth(""), truth(", bias_sigma = 2"));
-    // The draw of the state is the same; what is added is one constant.
+    // The draw of the state is the same; the difference is one constant.
     let added = both.last().unwrap() - alone.last().unwrap();
     assert!(added.norm() > 0.1, "{added}");
     let settled = alone.iter().zip(&both).skip(20);

@@ -34,10 +34,10 @@ pub(super) struct TrueState {
     frame: LocalFrame,
     gravity: Gravity,
     known: Vec<Known>,
-    /// What carries a boat, and where the state has its velocity.
+    /// The sea that carries a boat, and the ranges of its velocity in the state.
     sea: Option<SeaSpec>,
     currents: Vec<Range<usize>>,
-    /// The ships of which the state has the pose.
+    /// The ships whose pose is in the state.
     ships: Vec<(Ship, Pose)>,
     parameters: Vec<Parameter>,
     /// Names of the blocks that are truly at their declared initial value.
@@ -56,11 +56,11 @@ enum InputPart {
     Sideways,
     /// Rate of the heading.
     YawRate,
-    /// Of a reference whose rows a stage makes.
+    /// The attitude of a reference whose rows a stage makes.
     Attitude,
 }
 
-/// A block that the world knows the value of.
+/// A block whose value the world knows.
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) enum Known {
     Geodetic(Slot<Geodetic>),
@@ -103,8 +103,7 @@ const KNOWN: [KnownName; 14] = [
 ];
 
 impl Known {
-    /// Writes what is true of the motion into the block; the errors of the inertial unit are not part of
-    /// it.
+    /// Writes the true motion into the block, without the errors of the inertial unit.
     pub(in super::super) fn write(&self, truth: &Truth, frame: &LocalFrame, gravity: Gravity, x: &mut [f64]) {
         let (nav, heading) = (&truth.nav, || so3::to_rpy(&truth.nav.q_nb).z);
         match self {
@@ -119,7 +118,7 @@ impl Known {
             }
             Self::YawRate(slot) => slot.write(&yaw_rate(truth, gravity), x),
             Self::BodyVelocity(slot) => slot.write(&nav.q_nb.inverse_transform_vector(&nav.v_eb_n), x),
-            // The body's velocity is all there is, and a simulated reference tells the true heading.
+            // The body has no other velocity, and a simulated reference measures the true heading.
             Self::HeadingOffset(slot) => slot.write(&0.0, x),
             Self::Drift(slot) => slot.write(&Vector3::zeros(), x),
             Self::GyroBias(_) | Self::AccelBias(_) | Self::GyroScale(_) | Self::AccelScale(_) => {}
@@ -144,7 +143,7 @@ impl Known {
     }
 }
 
-/// A block that its declaration alone tells the value of, moving by itself.
+/// A block whose value comes from its declaration alone; it moves by its own dynamics.
 #[derive(Debug)]
 struct Parameter {
     kind: Kind,
@@ -153,7 +152,7 @@ struct Parameter {
     random: Random,
 }
 
-/// A part of the pose of another vessel, and where it stands in the state.
+/// A part of another vessel's pose, with its slot in the state.
 #[derive(Debug)]
 enum Pose {
     Position(Slot<Geodetic>),
@@ -161,7 +160,8 @@ enum Pose {
 }
 
 impl Pose {
-    /// The part of a vessel's pose that a block is: `SENSOR.position` on the Earth, and `SENSOR.attitude` beside it.
+    /// The part of a vessel's pose that a block is: `SENSOR.position` on the Earth, or `SENSOR.attitude` if the layout
+    /// also has that position.
     fn of(layout: &Layout, block: &Block) -> Option<Self> {
         let (vessel, part) = block.name.rsplit_once('.')?;
         let place = layout.slot(QuantityName::<Geodetic>::new(&format!("{vessel}.{}", state::POSITION.as_str())));
@@ -212,8 +212,8 @@ fn vessel<'a>(spec: &'a SimulationSpec, block: &'a Block) -> Result<(Option<&'a 
         .ok_or_else(|| no_ship(block))
 }
 
-/// A vessel's pose as a state, and no vessel in the world: the first 1σ of such a state says that nothing is known yet,
-/// not where a ship may be.
+/// A vessel's pose is a state, but the world has no vessel. The initial 1σ of such a state means that nothing is known
+/// yet; it does not say where a ship may be.
 fn no_ship(block: &Block) -> BuildError {
     let message = format!(
         "the sensor `{}` measures the pose of a ship, and there is none in the simulated world",
@@ -310,10 +310,10 @@ impl TrueState {
         self.signals.view(&self.x)
     }
 
-    /// Writes what is true into the state; `bias` and `scale` are the errors of the inertial unit.
+    /// Writes the truth into the state; `bias` and `scale` are the errors of the inertial unit.
     pub(super) fn fill(&mut self, truth: &Truth, bias: &Sample, scale: &Sample) {
         let (nav, x) = (&truth.nav, &mut self.x);
-        // What the process makes of this input with the states below is the truth.
+        // The process turns this input, with the states below, into the truth.
         let (mut rate_offset, mut force_offset) = (Vector3::zeros(), Vector3::zeros());
         for known in &self.known {
             known.write(truth, &self.frame, self.gravity, x);

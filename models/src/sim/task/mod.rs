@@ -1,7 +1,7 @@
-//! Tasks: what a controlled vehicle does, one after the other.
+//! Tasks of a controlled vehicle, one after the other.
 //!
-//! A task sees what the controller sees: the estimate. So it ends where the vehicle takes itself to have
-//! arrived.
+//! A task sees the same as the controller: the estimate. So it ends when the vehicle has arrived by its own
+//! estimate.
 
 mod drive;
 mod go_to;
@@ -16,10 +16,10 @@ use nalgebra::Vector2;
 
 /// A task as it runs.
 pub trait Task: Debug + Send {
-    /// What it is, in a few words.
+    /// A short description of the task.
     fn name(&self) -> String;
 
-    /// Whether it only lets time pass and will still do so `now`: nobody needs to know where the vehicle is.
+    /// Whether it only lets time pass and will still do so `now`: the vehicle's position is not needed.
     fn is_idle(&self, now: Time) -> bool {
         let _ = now;
         false
@@ -33,8 +33,8 @@ pub trait Task: Debug + Send {
         None
     }
 
-    /// The path that it asks for where it begins at `from`, north and east of the origin \[m\]: its two ends. None where
-    /// it moves nothing, or where only the run shows how far.
+    /// The two ends of the path that it asks for if it begins at `from`, north and east of the origin \[m\]. `None` if
+    /// it moves nothing, or if only the run shows how far.
     fn path(&self, from: &Vector2<f64>) -> Option<[Vector2<f64>; 2]> {
         let _ = from;
         None
@@ -45,7 +45,7 @@ pub trait Task: Debug + Send {
         false
     }
 
-    /// What it wants now; none once it is done.
+    /// Its goal now; `None` once it is done.
     fn goal(&mut self, seen: &Seen) -> Option<Goal>;
 }
 

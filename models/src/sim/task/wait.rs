@@ -7,7 +7,7 @@ use fusion_core::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// How long something takes: a time of its own, or up to a time of the run.
+/// How long something takes: a duration, or until a time of the run.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Ends {
     After(f64),
@@ -23,7 +23,7 @@ impl Ends {
         }
     }
 
-    /// Whether what began at `begun` is over.
+    /// Whether a wait that began at `begun` is over.
     pub(super) fn has_come(&self, begun: Time, now: Time) -> bool {
         match self {
             Self::After(duration) => now.seconds_since(begun) >= *duration,
@@ -36,9 +36,9 @@ impl Ends {
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WaitSpec {
-    /// For so long; this or `until`.
+    /// How long; this or `until`.
     duration: Option<NonNegative<dim::Duration>>,
-    /// Up to this time of the run; not at all where that is over. This or `duration`.
+    /// Until this time of the run; no wait if it has passed. This or `duration`.
     until: Option<NonNegative<dim::Duration>>,
 }
 

@@ -21,7 +21,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Two tracks, one on each side, each with a motor of its own.
+/// Two tracks, one on each side, each with its own motor.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SkidSteerSpec {
@@ -29,7 +29,7 @@ pub struct SkidSteerSpec {
     gauge: Positive<dim::Length>,
     /// By how much a turn is slower than without lateral slip, at least 1 on real ground; this or `icr`.
     turn_slip: Option<Positive<dim::Ratio>>,
-    /// Where each track's centre of rotation lies; this or `turn_slip`.
+    /// The centre of rotation of each track; this or `turn_slip`.
     icr: Option<RotationCentres>,
     /// Loss of speed of each track.
     #[serde(default)]
@@ -48,11 +48,11 @@ pub struct SkidSteerSpec {
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct RotationCentres {
-    /// Of the left track, so far to the left of the body origin.
+    /// Distance of the left track's centre to the left of the body origin.
     left: Positive<dim::Length>,
-    /// Of the right track, so far to the right of the body origin.
+    /// Distance of the right track's centre to the right of the body origin.
     right: Positive<dim::Length>,
-    /// Both lie so far ahead of the body origin.
+    /// Distance of both centres ahead of the body origin.
     #[serde(default)]
     ahead: Quantity<dim::Length>,
 }
@@ -64,7 +64,7 @@ struct SlipSpec {
     /// Mean of both tracks.
     #[serde(default)]
     mean: Quantity<dim::Ratio>,
-    /// 1σ of the part that varies, for each track by itself.
+    /// 1σ of the part that varies, independent for each track.
     #[serde(default)]
     sigma: NonNegative<dim::Ratio>,
     /// Correlation time of that part; 2 s without it.
@@ -135,7 +135,7 @@ impl VehicleSpec for SkidSteerSpec {
     }
 }
 
-/// Correlation time of the slip where none is stated \[s\].
+/// Default correlation time of the slip \[s\].
 const DEFAULT_SLIP_TIME: f64 = 2.0;
 
 #[derive(Clone, Debug)]
@@ -149,7 +149,7 @@ struct SkidSteer {
     lag: f64,
     mean_slip: f64,
     varying_slip: Markov,
-    /// Of the left and the right track, as it acts.
+    /// The slip that acts on the left and the right track.
     slip: [f64; 2],
     /// Speeds of the tracks \[m/s\].
     tracks: [f64; 2],
@@ -158,7 +158,7 @@ struct SkidSteer {
 }
 
 impl SkidSteer {
-    /// The speeds of the tracks that do what is asked where nothing slips, within their limits.
+    /// The track speeds that follow the command if nothing slips, within their limits.
     fn wanted(&self, command: &Command) -> [f64; 2] {
         let most_turn = 2.0 * self.max_speed / (self.left + self.right);
         let turn = command.turn.clamp(-most_turn, most_turn);
@@ -281,7 +281,7 @@ mod tests {
         spec.build(&START, seed).unwrap()
     }
 
-    /// After so many seconds.
+    /// The motion after this number of seconds.
     fn driven(vehicle: &mut Box<dyn Vehicle>, speed: f64, turn: f64, seconds: f64) -> Motion {
         (0..(seconds / DT).round() as u32).for_each(|_| vehicle.step(&Command { speed, turn }, DT));
         vehicle.motion()

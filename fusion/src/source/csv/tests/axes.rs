@@ -58,7 +58,7 @@ fn roll_pitch_and_heading_become_an_attitude_with_their_signs_and_origin() {
     assert!(without.contains("an angle needs its unit"), "{without}");
 }
 
-/// The numbers of one row with columns `a`, `b`, … of these values.
+/// The decoded numbers of one row whose columns `a`, `b`, … have these values.
 fn one(channel: &str, numbers: &[f64]) -> Vec<f64> {
     values(&format!("{T}channels.{channel}"), &table(numbers)).remove(0)
 }

@@ -1,4 +1,4 @@
-//! Speed with its course, and latitudes and longitudes that cannot be.
+//! Speed with its course, and impossible latitudes and longitudes.
 
 use super::{T, said, values};
 
@@ -18,7 +18,7 @@ fn a_speed_and_its_course_make_a_velocity_whose_columns_have_units_of_their_own(
         "{T}channels.horizontal_velocity = {{ speed = {{ column = 'SOG', unit = 'kn' }}, course = {{ column = 'COG', unit = 'deg' }} }}"
     );
     close(&values(&own, text), &[north * kn, east * kn]);
-    // The vertical speed has the unit of the other, or one of its own, and may count up.
+    // The vertical speed has the unit of the horizontal speed, or a separate unit, and may be positive upwards.
     let down =
         format!("{T}channels.velocity = {{ speed = 'SOG', course = {{ column = 'COG', unit = 'deg' }}, down = 'VZ', unit = 'm/s' }}");
     close(&values(&down, text), &[north, east, 0.5]);
@@ -28,7 +28,7 @@ fn a_speed_and_its_course_make_a_velocity_whose_columns_have_units_of_their_own(
     close(&values(&header, "t,v (kn),c [deg],d (m/s)\n1,10,90,2\n"), &[0.0, 10.0 * kn, 2.0]);
     let same = format!("{T}channels.velocity = {{ speed = 'v (kn)', course = 'c [deg]', down = 'd' }}");
     close(&values(&same, "t,v (kn),c [deg],d\n1,10,-90,2\n"), &[0.0, -10.0 * kn, 2.0 * kn]);
-    // At rest any course will do; an empty one is left out where it is declared.
+    // At rest any course is accepted; a row with an empty course is left out if the design declares this.
     close(&values(&own, "t,SOG,COG\n1,0,359.9\n"), &[0.0, 0.0]);
     let empty = own.replace("'deg' } }", "'deg' }, valid = { column = 'COG', not_equals = '' } }");
     assert!(values(&empty, "t,SOG,COG\n1,0.1,\n")[0].iter().all(|v| v.is_nan()));

@@ -1,4 +1,4 @@
-//! What stands in a row and between: blanks, names within comments, sums, units of the header.
+//! Contents of rows and headers: blanks, names within comments, sums, units of the header.
 
 use super::{T, said, values};
 
@@ -148,7 +148,7 @@ fn a_name_that_stands_twice_is_an_error_where_it_is_used_and_a_number_tells_colu
     );
     let beyond = said(&toml.replace("'a'", "'7'"), text);
     assert!(beyond.contains("has no column `7`"), "{beyond}");
-    // A name comes before a number.
+    // A name has priority over a number.
     let number = format!("{T}channels.v = {{ column = '2', unit = 'm/s' }}");
     assert_eq!(values(&number, "t,a,2\n1,5,6\n"), [[6.0]]);
     let thrice = said(&toml.replace("'-b'", "'a', '-a'"), text);

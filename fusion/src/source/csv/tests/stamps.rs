@@ -83,7 +83,7 @@ fn up_to_twenty_stamps_an_hour_ahead_cost_their_rows_and_no_other() {
         let jumps = report.skipped.iter().find(|s| s.reason == "time jumps ahead").unwrap();
         assert_eq!(jumps.count as usize, length - usize::from(from == 300), "{from} {length}");
     }
-    // More of them are a gap, behind which nothing may go back.
+    // A longer run of them is a gap, and no row after a gap may go back.
     let text: String = (0..100).map(|k| format!("{},{k}\n", if k < 50 { k } else { 3600 + k })).collect();
     assert_eq!(read(TV, format!("t,v\n{text}").as_bytes()).unwrap().0.len(), 100);
 }
@@ -92,11 +92,11 @@ fn up_to_twenty_stamps_an_hour_ahead_cost_their_rows_and_no_other() {
 fn an_hour_without_rows_is_a_gap_and_the_end_of_the_source_is_where_it_is_declared() {
     let text = "t,v\n0,0\n1,1\n2,2\n3602,3\n3603,4\n3604,5\n";
     assert_eq!(read(TV, text.as_bytes()).unwrap().0.len(), 6);
-    // A wrong stamp is not taken for the end.
+    // A wrong stamp does not end the source.
     let toml = TV.replace("'t' }", "'t', stop = '1 min' }");
     assert_eq!(read(&toml, spoilt(40, 20).as_bytes()).unwrap().0.len(), 39);
     assert_eq!(read(&toml, text.as_bytes()).unwrap().0.len(), 3);
-    // Nothing can be read behind it: it is not confirmed.
+    // No row after it can be read, so it is not confirmed.
     let toml = format!("bad_rows = 'skip'\n{TV}");
     let (rows, report) = read(&toml, b"t,v\n0,0\n1,1\n2,2\n3602,3\nx,4\n3,5\n4,6\n").unwrap();
     assert_eq!((rows.len(), report.left_out()), (5, 2), "{report}");
@@ -109,12 +109,12 @@ fn the_increment_after_a_wrong_stamp_covers_the_nominal_interval() {
     let (rows, _) = read(toml, b"t,d\n0,1\n0.05,1\n3600,1\n0.15,1\n0.2,1\n").unwrap();
     let rates: Vec<f64> = rows.iter().map(|(_, row)| (row[0] * 1e9).round() / 1e9).collect();
     assert_eq!(rates, [10.0; 4]);
-    // The clock is right at the first stamp that is: not at 3600 s.
+    // The clock is correct at the first valid stamp: not at 3600 s.
     let (rows, _) = read(toml, b"t,d\n3600,1\n5,1\n5.05,1\n").unwrap();
     assert_eq!(rows.iter().map(|(t, _)| t / 1_000_000).collect::<Vec<_>>(), [5000, 5100]);
 }
 
-/// The stamps that `time` makes of a file, in nanoseconds.
+/// The stamps of a file decoded with `time`, in nanoseconds.
 fn stamped(time: &str, data: &str) -> Result<Vec<i64>, String> {
     let (rows, _) = read(&format!("time = {{ {time} }}"), data.as_bytes())?;
     Ok(rows.into_iter().map(|(t, _)| t).collect())
@@ -148,7 +148,7 @@ fn logs_of_unix_gps_and_calendar_time_share_one_scale() {
     for (time, data) in logs {
         assert_eq!(stamped(time, data).unwrap(), [18_250_000_000, 19_750_000_000], "{time}");
     }
-    // A leap second passes in UTC, and in Unix time that leaves it out.
+    // A leap second passes in UTC, and in Unix time, which leaves it out.
     let leap = "t\n2016-12-31T23:59:59Z\n2016-12-31T23:59:60Z\n2017-01-01T00:00:00Z\n";
     let calendar = "column = 't', calendar = 'utc', epoch = '2016-12-31T23:59:59Z'";
     assert_eq!(stamped(calendar, leap).unwrap(), [0, 1_000_000_000, 2_000_000_000]);
@@ -270,7 +270,7 @@ fn times_of_day_go_on_after_midnight_and_do_not_jump_a_day_for_one_that_goes_bac
     let skipping = "backwards = 'skip', ";
     let left = stamped(&format!("{first}{skipping}{toml}"), "t\n23:59:59\n00:00:00\n23:59:58\n00:00:01\n").unwrap();
     assert_eq!(seconds(left), [1, 2, 3]);
-    // A stamp that jumps ahead is wrong where the next one goes back: the day does not follow it.
+    // A stamp that jumps ahead is wrong if the next stamp goes back: it does not change the day.
     let jump = of("t\n23:59:58\n23:59:59\n00:00:00\n05:00:00\n00:00:01\n00:00:02\n").unwrap();
     assert_eq!(seconds(jump), [0, 1, 2, 3, 4]);
 }
@@ -278,7 +278,7 @@ fn times_of_day_go_on_after_midnight_and_do_not_jump_a_day_for_one_that_goes_bac
 #[test]
 fn rows_without_stamps_and_counters_of_samples_have_a_rate() {
     assert_eq!(stamped("rate = '100 Hz'", "v\n1\n2\n3\n").unwrap(), [0, 10_000_000, 20_000_000]);
-    // A row that cannot be read was recorded all the same.
+    // A row that cannot be read still counts as recorded.
     let bad = "bad_rows = 'skip'\ntime = { rate = '100 Hz' }\nchannels.v = { column = 'v', unit = 'm/s' }";
     let (rows, _) = read(bad, b"v\n1\nx\n1,2\n3\n").unwrap();
     assert_eq!(rows.iter().map(|(t, _)| *t).collect::<Vec<_>>(), [0, 30_000_000]);
@@ -348,13 +348,13 @@ fn an_increment_covers_the_interval_of_its_instrument() {
         let (rows, _) = read(&toml, text.as_bytes()).unwrap();
         rows.iter().map(|(_, row)| (row[0] * 1e9).round() / 1e9).collect()
     };
-    // Equal stamps, in either order; a row that is left out has an interval of its own.
+    // Equal stamps, in either order; a row that is left out has its own interval.
     let pairs = "t,I,d\n0,0,1\n0,1,9\n0.1,1,9\n0.1,0,1\n0.2,1,9\n0.3,0,1\n0.4,0,1\n";
     assert_eq!(rates("", pairs), [10.0; 3]);
-    // Stamps of the other a little before: with the nominal rate they do not matter.
+    // Stamps of the other instrument come a little earlier: with the nominal rate they do not matter.
     let between = "t,I,d\n0,0,1\n0.09,1,9\n0.1,0,1\n0.19,1,9\n0.2,0,1\n";
     assert_eq!(rates("rate = '10 Hz'\n", between), [10.0; 3]);
-    // A wrong stamp of the other has no effect on later ones.
+    // A wrong stamp of the other instrument has no effect on later stamps.
     let wrong = "t,I,d\n0,0,1\n0.1,0,1\n900,1,9\n0.2,0,1\n0.3,0,1\n";
     assert_eq!(rates("", wrong), [10.0; 3]);
 }

@@ -15,15 +15,15 @@ use fusion_models::plausible::{self, Impossible};
 use fusion_models::units::Dimension;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
 
-/// The most numbers that are read for a form other than a vector: those of a matrix.
+/// The largest number of inputs of a form other than a vector: the elements of a matrix.
 const WIDEST: usize = 9;
-/// Nothing is nearer to the Earth's centre \[m\]; zeros stand for no fix.
+/// The smallest distance from the Earth's centre \[m\]; zeros mean a missing fix.
 const NEAREST: f64 = 1e6;
-/// Coordinates of the grid \[m\], with the neighbouring zones: wider is a mistake of columns or units.
+/// Range of grid coordinates \[m\], with the neighbouring zones; beyond it, columns or units are wrong.
 const EASTINGS: RangeInclusive<f64> = -1e6..=2e6;
 const NORTHINGS: RangeInclusive<f64> = -1e7..=1e7;
 
-/// What the numbers become.
+/// The result of the conversion.
 #[derive(Clone, Debug)]
 pub(super) enum Conversion {
     Vector {
@@ -69,7 +69,7 @@ pub(super) enum Written {
     Euler(Turns),
 }
 
-/// What is wrong with the values of a row.
+/// A mistake in the values of a row.
 pub(in super::super) struct Wrong {
     pub(in super::super) message: String,
     pub(in super::super) help: Option<&'static str>,
@@ -83,7 +83,7 @@ impl Wrong {
 
 impl From<Impossible> for Wrong {
     fn from(impossible: Impossible) -> Self {
-        // A place was judged as it is written.
+        // A position was checked before, as it is written.
         Self::new(impossible.message)
     }
 }
@@ -101,10 +101,10 @@ impl ChannelPlan {
         }
     }
 
-    /// Makes the channel's numbers of those that are read; `interval` \[s\] is what increments cover.
+    /// Makes the channel's numbers from the numbers read; increments cover the `interval` \[s\].
     pub(in super::super) fn convert(&mut self, read: &[f64], interval: f64, out: &mut [f64]) -> Result<(), Wrong> {
         let mut scaled = [0.0; WIDEST];
-        // A vector is as wide as it is read, and may be wider than any other form.
+        // A vector has as many numbers as are read, and may be wider than any other form.
         if let Conversion::Vector { rotation } = &self.conversion {
             self.scale(read, interval, out)?;
             if let Some(rotation) = rotation {
@@ -133,7 +133,7 @@ impl ChannelPlan {
         Ok(())
     }
 
-    /// Latitude and longitude \[rad\], which lie on the Earth.
+    /// Latitude and longitude \[rad\], within their ranges.
     fn place(&self, angles: &Angles, read: &[f64], out: &mut [f64]) -> Result<(), Wrong> {
         let column = |i: usize| self.inputs[i].name();
         if matches!(angles, Angles::DegreesAndMinutes) {
@@ -237,7 +237,7 @@ impl fmt::Display for Angles {
 }
 
 impl Angles {
-    /// What the columns may be instead, where a number is no latitude or longitude.
+    /// A hint about the columns if a number is not a latitude or longitude.
     fn instead(&self, lat: f64, lon: f64) -> Option<&'static str> {
         let are = |lat: f64, lon: f64| lat.abs() <= 90.0 && lon.abs() <= 360.0;
         let of_minutes = |number: f64| of_degrees_and_minutes(number).map(f64::to_degrees);
@@ -253,15 +253,15 @@ impl Angles {
     }
 }
 
-/// The angle \[rad\] of `ddmm.mmmm`; `None` of 60 minutes and more.
+/// The angle \[rad\] of `ddmm.mmmm`; `None` for 60 minutes and more.
 fn of_degrees_and_minutes(number: f64) -> Option<f64> {
     let degrees = (number.abs() / 100.0).trunc();
     let minutes = number.abs() - 100.0 * degrees;
     (minutes < 60.0).then(|| (degrees + minutes / 60.0).to_radians().copysign(number))
 }
 
-/// The height or depth among what is read; of a horizontal position 0, on which its latitude and longitude
-/// hardly depend, and of a horizontal velocity nothing.
+/// The height or depth among the numbers read. A horizontal position or velocity has none: 0 is used, and latitude
+/// and longitude hardly depend on it.
 fn third(read: &[f64]) -> f64 {
     read.get(2).copied().unwrap_or_default()
 }

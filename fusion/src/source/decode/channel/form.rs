@@ -6,7 +6,7 @@ use crate::source::decode::spec::{ChannelSpec, Hemisphere, OneColumn};
 use fusion_models::block::Channel;
 use fusion_models::earth::utm::Zone;
 
-/// What the names of channels without their vertical part begin with.
+/// Prefix of the names of channels without their vertical part.
 const HORIZONTAL: &str = "horizontal_";
 
 /// The channel with a vertical part that this one would be: `position` of `horizontal_position`.
@@ -35,11 +35,11 @@ pub(super) enum Form {
 pub(in super::super) struct Input {
     /// The field of the declaration.
     pub(in super::super) field: &'static str,
-    /// The columns whose sum it is, as written: each may have a minus sign.
+    /// The columns to add, as written: each may have a minus sign.
     pub(in super::super) columns: Vec<String>,
-    /// A unit of its own.
+    /// A separate unit, if declared.
     pub(super) unit: Option<String>,
-    /// The sum is turned round.
+    /// The sign of the sum is reversed.
     pub(in super::super) is_reversed: bool,
 }
 
@@ -89,7 +89,7 @@ pub(super) fn forms(spec: &ChannelSpec) -> Vec<Form> {
         (is_local, Form::Local),
     ];
     let asked: Vec<Form> = asked.into_iter().filter(|(is_asked, _)| *is_asked).map(|(_, form)| form).collect();
-    // A height alone is that of a latitude which is missing.
+    // A height alone: the latitude is missing.
     if asked.is_empty() && spec.height.is_some() {
         vec![Form::Geodetic]
     } else {
@@ -98,8 +98,8 @@ pub(super) fn forms(spec: &ChannelSpec) -> Vec<Form> {
 }
 
 impl Form {
-    /// What it reads, or the field that is missing. The name of a channel says whether it is a 1σ, which has
-    /// no direction.
+    /// The inputs, or the field that is missing. The name of a channel shows if it is a 1σ, which has no
+    /// direction.
     pub(super) fn inputs(self, name: &str, spec: &ChannelSpec) -> Result<Vec<Input>, &'static str> {
         let named = |field: &'static str, column: &Option<String>| column.as_deref().map(|c| Input::new(field, c)).ok_or(field);
         let all = |field: &'static str, columns: Option<&[String]>| {
@@ -161,7 +161,7 @@ impl Form {
         }
     }
 
-    /// Whether it makes an attitude of angles.
+    /// Whether it makes an attitude from angles.
     pub(super) const fn is_angles(self) -> bool {
         matches!(self, Self::Rpy | Self::Euler)
     }
@@ -171,7 +171,7 @@ impl Form {
         matches!(self, Self::Quaternion | Self::Dcm) || self.is_angles()
     }
 
-    /// Keys that are given and mean nothing for this form.
+    /// Keys that are given but have no meaning for this form.
     pub(super) fn misfits(self, name: &str, spec: &ChannelSpec) -> Vec<&'static str> {
         let (vector, attitude) = (self == Self::Vector, self.is_attitude());
         let is_turned = vector && spec.enu.is_none();
@@ -215,12 +215,12 @@ fn vector(name: &str, spec: &ChannelSpec) -> Vec<Input> {
     columns.iter().map(|OneOrMany(columns)| Input::sum("columns", columns)).collect()
 }
 
-/// The turns of Euler angles; `Err` is what is wrong with their order.
+/// The turns of Euler angles; `Err` describes the mistake in their order.
 pub(super) fn turns(spec: &ChannelSpec) -> Option<Result<Turns, String>> {
     spec.euler.as_ref().map(|euler| Turns::new(&euler.order))
 }
 
-/// The zone of a position on the grid; `Err` where there is none of this number.
+/// The zone of a position on the grid; `Err` if no zone has this number.
 pub(super) fn zone(spec: &ChannelSpec) -> Option<Result<Zone, String>> {
     let utm = spec.utm.as_ref()?;
     let zone = Zone::new(utm.zone, utm.hemisphere == Hemisphere::South);

@@ -1,4 +1,4 @@
-//! From the declaration of a channel to what is done with its cells.
+//! From the declaration of a channel to the conversion of its cells.
 
 use super::convert::{Angles, Conversion, Written};
 use super::form::{Form, Input, forms, turns, whole, zone};
@@ -13,7 +13,7 @@ use fusion_models::vocabulary::channel;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use std::borrow::Cow;
 
-/// What `unit` says of latitudes and longitudes in degrees and minutes.
+/// The `unit` of latitudes and longitudes in degrees and minutes.
 const DEGREES_AND_MINUTES: &str = "ddmm";
 const NEEDS_ANGLE: &str = "add `unit = \"deg\"` or `unit = \"rad\"`";
 
@@ -27,7 +27,7 @@ pub(in super::super) struct ChannelPlan {
     pub(in super::super) increment: bool,
     pub(super) average: bool,
     pub(super) variance: bool,
-    /// Number = factor · what is read + add.
+    /// Number = factor · cell + add.
     pub(super) factor: Vec<f64>,
     pub(super) add: Vec<f64>,
     pub(super) conversion: Conversion,
@@ -44,7 +44,7 @@ impl ChannelPlan {
         let width = inputs.len();
         let units = planner.units(form, &inputs);
         let (mut factor, mut dimension) = planner.factor(form, &inputs, &units);
-        // A horizontal position has no factor of a height.
+        // A horizontal position has no factor for a height.
         factor.truncate(width);
         planner.scale(&mut factor);
         if spec.variance {
@@ -85,14 +85,14 @@ impl ChannelPlan {
     }
 }
 
-/// The units of a channel: of its columns, and of a height among them.
+/// The units of a channel: of its columns, and of a height column.
 struct Units {
     across: Option<String>,
     height: Option<String>,
 }
 
-/// Reads the declaration of one channel; what is wrong is noted, and something of the right form
-/// put in its place, so that all mistakes are found.
+/// Reads the declaration of one channel. A mistake is noted and replaced by a placeholder of the right form,
+/// so that all mistakes are found.
 struct Planner<'a> {
     name: &'a str,
     spec: &'a ChannelSpec,
@@ -100,14 +100,14 @@ struct Planner<'a> {
 }
 
 impl Planner<'_> {
-    /// Notes a mistake; no advice where `help` is empty.
+    /// Notes a mistake; an empty `help` gives no advice.
     fn wrong(&mut self, field: &str, message: &str, help: &str) {
         let dot = if field.is_empty() { "" } else { "." };
         let error = BuildError::at(format!("channels.{}{dot}{field}", self.name), message);
         self.errors.push(if help.is_empty() { error } else { error.help(help) });
     }
 
-    /// How the channel is made, and of what.
+    /// The form of the channel and its inputs.
     fn form(&mut self) -> Option<(Form, Vec<Input>)> {
         let form = match forms(self.spec)[..] {
             [form] => form,
@@ -173,7 +173,7 @@ impl Planner<'_> {
 
     /// The units: declared, or stated by the names of the columns.
     fn units(&mut self, form: Form, inputs: &[Input]) -> Units {
-        // Of a speed with its course each column is asked for itself.
+        // For a speed with its course, each column has a separate unit.
         let inputs = if form == Form::Course { &[] } else { inputs };
         let inputs = inputs.iter().filter(|input| input.unit.is_none());
         let (heights, others): (Vec<&Input>, Vec<&Input>) = inputs.partition(|input| input.field == "height");
@@ -192,7 +192,7 @@ impl Planner<'_> {
         Units { across, height }
     }
 
-    /// A unit in SI, with its dimension; that of a number without it.
+    /// A unit in SI, with its dimension; without a unit, a pure number.
     fn unit(&mut self, field: &str, text: Option<&str>, wanted: Option<Dimension>) -> (f64, Dimension) {
         let read = text.map_or(Ok((1.0, Dimension::NONE)), parse_unit);
         match (read, wanted) {
@@ -255,13 +255,13 @@ impl Planner<'_> {
         }
     }
 
-    /// The factor of what counts up or down, to count down.
+    /// The factor of a vertical value, with the sign that makes down positive.
     const fn downwards(&self, factor: f64) -> f64 {
         if self.spec.up.is_some() { -factor } else { factor }
     }
 
-    /// Factors of a speed, its course and a vertical speed. A unit is the column's own, for speeds `unit`, or stated
-    /// by the name of the column; that of the vertical speed may be that of the other.
+    /// Factors of a speed, its course and a vertical speed. A column has its separate unit, or `unit` for speeds, or
+    /// the unit in its name. A vertical speed without these has the unit of the horizontal speed.
     fn speeds(&mut self, inputs: &[Input]) -> Vec<f64> {
         let mut factors = Vec::new();
         let mut of_speed = None;
@@ -303,7 +303,7 @@ impl Planner<'_> {
         factors
     }
 
-    /// The factor of angles, whose unit has to be known.
+    /// The factor of angles; their unit must be known.
     fn angle(&mut self, missing: &str, unit: Option<&str>) -> f64 {
         if unit.is_none() {
             self.wrong("", missing, NEEDS_ANGLE);
@@ -325,7 +325,7 @@ impl Planner<'_> {
         }
     }
 
-    /// The dimension whose square is that of a variance.
+    /// The dimension whose square is the dimension of a variance.
     fn root(&mut self, variance: Dimension) -> Dimension {
         let root = variance.power(1).filter(|root| root.power(1).is_some());
         root.unwrap_or_else(|| {
@@ -335,7 +335,7 @@ impl Planner<'_> {
         })
     }
 
-    /// What is added after unit and scale.
+    /// The offset added after unit and scale.
     fn offset(&mut self, dimension: Dimension, width: usize) -> Vec<f64> {
         let Some(offset) = &self.spec.offset else {
             return vec![0.0; width];
@@ -366,7 +366,7 @@ impl Planner<'_> {
         }
     }
 
-    /// What is done with the numbers as a whole.
+    /// The conversion of all numbers together.
     fn conversion(&mut self, form: Form, width: usize, units: &Units) -> Conversion {
         let spec = self.spec;
         let body = self.rotation("rotation", spec.rotation.as_ref());
@@ -399,7 +399,7 @@ impl Planner<'_> {
         }
     }
 
-    /// What was read of a field, where nothing is wrong with it.
+    /// The value of a field, if it is valid; a mistake is noted.
     fn checked<T>(&mut self, field: &str, read: Option<Result<T, String>>) -> Option<T> {
         read?.map_err(|message| self.wrong(field, &message, "")).ok()
     }

@@ -5,12 +5,12 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 /// How far the columns of a matrix may be from orthonormal: a few digits in a file.
 const TOLERANCE: f64 = 1e-2;
 
-/// The axes of three turns, each about an axis that the ones before have turned.
+/// The axes of three turns, each about an axis that the earlier turns have moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Turns([usize; 3]);
 
 impl Turns {
-    /// Of an order such as `zyx`.
+    /// Reads an order such as `zyx`.
     pub(super) fn new(order: &str) -> Result<Self, String> {
         let axis = |letter: char| "xyz".find(letter.to_ascii_lowercase());
         let axes: Option<Vec<usize>> = order.chars().map(axis).collect();
@@ -33,7 +33,7 @@ impl Turns {
     }
 }
 
-/// The attitude of a matrix, row by row; `Err` says why it is none.
+/// The attitude of a matrix, row by row; `Err` explains why it is not a rotation.
 pub(super) fn of_matrix(rows: &[f64]) -> Result<UnitQuaternion<f64>, String> {
     let m = Matrix3::from_row_slice(rows);
     let error = (m.transpose() * m - Matrix3::identity()).amax();

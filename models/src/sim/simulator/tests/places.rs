@@ -31,7 +31,7 @@ fn sensors() -> Vec<(&'static str, String, Vector3<f64>)> {
         .collect()
 }
 
-/// What a perfect sensor `name` measures, on a body in this motion, at the place `l` on it.
+/// The measurement of a perfect sensor `name` at the place `l` on a body in this motion.
 fn expected(name: &str, position: &Geodetic, motion: &(Vector3<f64>, UnitQuaternion<f64>, Vector3<f64>), l: &Vector3<f64>) -> Vec<f64> {
     let (v_n, q_nb, w_b) = motion;
     let (place, v_b) = (position.offset(&(q_nb * l)), q_nb.inverse() * v_n + w_b.cross(l));
@@ -53,8 +53,8 @@ fn expected(name: &str, position: &Geodetic, motion: &(Vector3<f64>, UnitQuatern
     }
 }
 
-/// The sensors whose rows are not those of a perfect one at its place, each with its largest error; with `drawn` lever
-/// arms those are the true ones, and away from those declared.
+/// The sensors whose rows differ from a perfect sensor at its place, each with its largest error. With `drawn`, the
+/// drawn lever arms are the true ones, and differ from the declared lever arms.
 fn misplaced(drawn: bool) -> Vec<(&'static str, f64)> {
     let declared = |arm: &Vector3<f64>| {
         let initial = format!("[{}, {}, {}]", arm.x, arm.y, arm.z);

@@ -13,7 +13,7 @@ fn current() -> String {
     format!("sea.current = [{n}, {e}, {d}]\n")
 }
 
-/// Logs without errors: of the velocity, the beams and the speed through the water, and of the velocity over ground.
+/// Logs without errors: velocity, beams and speed through the water, and velocity over ground.
 const LOGS: &str = "[sensor.log.body_velocity]\n\
      current = { estimate = true, initial = [0, 0, 0], sigma = ['0.5 m/s', '0.5 m/s', 0], correlation_time = '20 min' }\n\
      [sensor.log_beams.dvl]\nbeam_angle = '30 deg'\nazimuths = [0, '120 deg', '240 deg']\ncurrent = { shared = 'log.current' }\n\
