@@ -6,8 +6,8 @@ use core::fmt;
 use fusion_models::block::BuildError;
 use std::sync::Arc;
 
-/// Rows instead of the file of a source: arrays in memory, or any type that implements [`RawRows`], such as the messages
-/// of a channel. They are decoded as the source declares: clock, units, rotations, `valid`, bad rows.
+/// Rows instead of the file of a source: arrays in memory, or any type that implements [`RawRows`], such as a message
+/// channel. The rows are decoded as the source declares: clock, units, rotations, `valid`, bad rows.
 ///
 /// ```
 /// use fusion::run::Options;

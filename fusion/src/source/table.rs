@@ -261,7 +261,7 @@ fn is_stamp(field: &str, fields: &[String]) -> bool {
 }
 
 impl Table {
-    /// The declaration of a file of which only the head is known; it has no column of time.
+    /// The declaration of a file of which only the head is known; its column of time is a placeholder that is not read.
     fn spec(&self) -> Result<CsvSpec, SourceError> {
         let path = &self.path;
         let unreadable = |why: String| SourceError::from(DataError::new(path.display().to_string(), why));

@@ -153,7 +153,7 @@ impl CsvRows {
         self.line = self.reader.get_mut().line(end);
         let is_read = read.map_err(|error| broken(&self.file, self.line, &error))?;
         // A record with an open quotation mark may have many lines; skipping it as one bad row would lose them
-        // silently. Such a record has too few fields, or only the end of the file ends it.
+        // silently. Such a record has too few fields or ends with the file.
         if is_read && !self.columns.is_empty() && (self.reader.get_ref().has_ended() || self.malformed().is_some()) {
             let text = self.record.as_slice();
             // With an open mark, the end of the file is the end of the row.

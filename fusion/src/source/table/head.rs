@@ -166,7 +166,7 @@ fn lines(mut reader: impl BufRead) -> Vec<(usize, String)> {
     all
 }
 
-/// The delimiter of a line: the most frequent delimiter, or blanks if there is none.
+/// The delimiter of a line: the most frequent delimiter, or blanks if it has no delimiter.
 fn delimiter(line: &str) -> &'static str {
     let count = |delimiter: &str| split(line, delimiter).len();
     let best = DELIMITERS.into_iter().rev().max_by_key(|d| count(d)).unwrap_or(",");

@@ -28,7 +28,7 @@ fn a_speed_and_its_course_make_a_velocity_whose_columns_have_units_of_their_own(
     close(&values(&header, "t,v (kn),c [deg],d (m/s)\n1,10,90,2\n"), &[0.0, 10.0 * kn, 2.0]);
     let same = format!("{T}channels.velocity = {{ speed = 'v (kn)', course = 'c [deg]', down = 'd' }}");
     close(&values(&same, "t,v (kn),c [deg],d\n1,10,-90,2\n"), &[0.0, -10.0 * kn, 2.0 * kn]);
-    // At rest any course is accepted; a row with an empty course is left out if the design declares this.
+    // At rest any course is accepted; an empty course gives no velocity if `valid` excludes it.
     close(&values(&own, "t,SOG,COG\n1,0,359.9\n"), &[0.0, 0.0]);
     let empty = own.replace("'deg' } }", "'deg' }, valid = { column = 'COG', not_equals = '' } }");
     assert!(values(&empty, "t,SOG,COG\n1,0.1,\n")[0].iter().all(|v| v.is_nan()));
