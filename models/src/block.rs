@@ -355,7 +355,7 @@ pub trait SensorSpec: Debug + Send + Sync {
 /// A stage as declared.
 #[typetag::deserialize]
 pub trait StageSpec: Debug + Send + Sync {
-/// The channels that it listens to, one entry per input.
+    /// The channels that it listens to, one entry per input.
     fn inputs(&self) -> Vec<Listen>;
 
     /// The channels of its rows.
@@ -378,7 +378,7 @@ pub trait StageSpec: Debug + Send + Sync {
 /// An initialiser as declared.
 #[typetag::deserialize]
 pub trait InitialiserSpec: Debug + Send + Sync {
-/// The channels that it listens to, one entry per input.
+    /// The channels that it listens to, one entry per input.
     fn inputs(&self) -> Vec<Listen>;
 
     /// Names of the state blocks it writes.
