@@ -3,9 +3,12 @@
 //! A *spec* is plain data read from TOML. [`SensorSpec::build`] and its siblings turn it into the
 //! runtime object of `fusion-core`, resolving the quantities it reads through [`Build`].
 
+pub use crate::channel::{Channel, Shape};
+pub use crate::error::BuildError;
+
 use crate::earth::Gravity;
 use crate::param::{ParamSpec, ParamValue};
-use crate::units::{Dimension, Dimensional, UnitError, dim};
+use crate::units::Dimension;
 use crate::vocabulary::channel;
 use core::fmt::{self, Debug};
 use core::marker::PhantomData;
@@ -14,80 +17,9 @@ use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::loss::Loss;
 use fusion_core::model::{Measurement, Process};
 use fusion_core::runner::{Initialiser, Stage};
-use fusion_core::state::{
-    Declaration, Dynamics, LayoutBuilder, LayoutError, Manifold, Param, Quantity, QuantityName, Signal, Slot, StateRole, Vector,
-};
+use fusion_core::state::{Declaration, Dynamics, LayoutBuilder, Manifold, Param, Quantity, QuantityName, Signal, Slot, StateRole, Vector};
 use serde::Deserialize;
 use serde::de::{Deserializer, Visitor};
-use std::borrow::Cow;
-use thiserror::Error;
-
-/// Why a block could not be built. `field` names the culprit within the block's table.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("{message}")]
-pub struct BuildError {
-    /// Path of the field inside the block, empty for the block as a whole.
-    pub field: String,
-    /// The error.
-    pub message: String,
-    /// How to correct it.
-    pub help: Option<String>,
-}
-
-impl BuildError {
-    /// About the block as a whole.
-    pub fn new(message: impl Into<String>) -> Self {
-        Self {
-            field: String::new(),
-            message: message.into(),
-            help: None,
-        }
-    }
-
-    /// About one field.
-    pub fn at(field: impl Into<String>, message: impl Into<String>) -> Self {
-        Self {
-            field: field.into(),
-            message: message.into(),
-            help: None,
-        }
-    }
-
-    /// About a quantity of a field, or about its wrong element.
-    pub fn quantity(field: &str, error: &UnitError) -> Self {
-        Self::at(error.path(field), error.to_string())
-    }
-
-    /// With advice.
-    #[must_use]
-    pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help = Some(help.into());
-        self
-    }
-
-    /// For an error of a block that is at `path` inside another block.
-    #[must_use]
-    pub fn within(self, path: impl Into<String>) -> Self {
-        let mut field = path.into();
-        if !self.field.is_empty() {
-            field.push('.');
-            field.push_str(&self.field);
-        }
-        Self { field, ..self }
-    }
-}
-
-impl From<LayoutError> for BuildError {
-    fn from(error: LayoutError) -> Self {
-        Self::new(error.to_string())
-    }
-}
-
-impl From<UnitError> for BuildError {
-    fn from(error: UnitError) -> Self {
-        Self::new(error.to_string())
-    }
-}
 
 /// The name by which a [`Nested`] block identifies itself to the deserializer.
 pub const NESTED: &str = "$fusion::block";
@@ -130,98 +62,6 @@ where
 {
     let blocks = Vec::<Nested<T>>::deserialize(deserializer)?;
     Ok(blocks.into_iter().map(|block| block.0).collect())
-}
-
-/// The kind of the numbers in a channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
-    /// Numbers of one dimension.
-    Vector,
-    /// Angles that wrap.
-    Angle,
-    /// Latitude, longitude \[rad\] and height \[m\].
-    Geodetic,
-    /// Unit quaternion w x y z, body to navigation.
-    Quaternion,
-}
-
-/// A named group of numbers in the rows of a stream.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Channel {
-    /// Its name; consumers find it by this.
-    pub name: Cow<'static, str>,
-    /// How many numbers.
-    pub width: usize,
-    /// Their dimension; without meaning for geodetic positions and quaternions.
-    pub dimension: Dimension,
-    /// Their kind.
-    pub shape: Shape,
-}
-
-/// Ends the name of a channel of 1σ.
-const SIGMA: &str = "_sigma";
-
-impl Channel {
-    /// The name of the channel that reports the 1σ of the channel `name`.
-    #[must_use]
-    pub fn sigma_name(name: &str) -> String {
-        format!("{name}{SIGMA}")
-    }
-
-    /// Whether a channel of this name reports 1σ.
-    #[must_use]
-    pub fn is_sigma(name: &str) -> bool {
-        name.ends_with(SIGMA)
-    }
-
-    const fn new(name: &'static str, width: usize, dimension: Dimension, shape: Shape) -> Self {
-        Self {
-            name: Cow::Borrowed(name),
-            width,
-            dimension,
-            shape,
-        }
-    }
-
-    /// `width` numbers of `dimension`.
-    #[must_use]
-    pub const fn vector(name: &'static str, width: usize, dimension: Dimension) -> Self {
-        Self::new(name, width, dimension, Shape::Vector)
-    }
-
-    /// A geodetic position.
-    #[must_use]
-    pub const fn geodetic(name: &'static str) -> Self {
-        Self::new(name, 3, Dimension::NONE, Shape::Geodetic)
-    }
-
-    /// An angle \[rad\].
-    #[must_use]
-    pub const fn angle(name: &'static str) -> Self {
-        Self::new(name, 1, dim::Angle::KIND.dimension, Shape::Angle)
-    }
-
-    /// `width` angles \[rad\].
-    #[must_use]
-    pub const fn angles(name: &'static str, width: usize) -> Self {
-        Self::new(name, width, dim::Angle::KIND.dimension, Shape::Angle)
-    }
-
-    /// An attitude.
-    #[must_use]
-    pub const fn quaternion(name: &'static str) -> Self {
-        Self::new(name, 4, Dimension::NONE, Shape::Quaternion)
-    }
-
-    /// How many numbers a displacement of it has, and so its reported 1σ: a quaternion turns
-    /// about three axes.
-    #[must_use]
-    pub const fn degrees(&self) -> usize {
-        match self.shape {
-            Shape::Geodetic | Shape::Quaternion => 3,
-            Shape::Vector | Shape::Angle => self.width,
-        }
-    }
 }
 
 /// The channels of an inertial measurement unit.

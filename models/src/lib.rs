@@ -100,7 +100,9 @@
 //! Not here: no block knows an estimator, a covariance or a state index, and no block reads a file.
 
 pub mod block;
+mod channel;
 pub mod earth;
+mod error;
 pub mod fault;
 pub mod gate;
 pub mod initial;

@@ -9,7 +9,7 @@
 //! lever_arm = { shared = "gnss_position.lever_arm" }                              # another block's state
 //! ```
 
-use crate::block::BuildError;
+use crate::error::BuildError;
 use crate::units::{Angle, Axes, Dimension, Dimensional, Kind, NonNegative, PerAxis, Positive, Quantity, Vec3Of, dim, range};
 use core::f64::consts::TAU;
 use core::fmt::{self, Debug};

@@ -57,7 +57,7 @@ pub mod parameter {
 /// Channels of streams: name, width, dimension and shape.
 pub mod channel {
     use super::state;
-    use crate::block::Channel;
+    use crate::channel::Channel;
     use crate::units::{Dimensional, dim};
 
     /// Geodetic position.
