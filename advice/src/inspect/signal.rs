@@ -200,8 +200,8 @@ pub(super) fn factor(unit: &str) -> f64 {
 }
 
 /// Words of a quantity that another filter computed from others, or of a setpoint.
-const DERIVED: [&str; 12] = [
-    "est", "state", "cmd", "odom", "estimate", "kf", "ekf", "setpoint", "sp", "desired", "demanded", "target",
+const DERIVED: [&str; 11] = [
+    "est", "state", "cmd", "odom", "estimate", "kf", "ekf", "setpoint", "sp", "desired", "demanded",
 ];
 /// Words for gyros, and for the angles of an interval.
 const GYROS: [&str; 9] = ["w", "g", "gyr", "gyro", "gyroscope", "omega", "rot", "rotation", "rate"];

@@ -103,8 +103,12 @@ impl Words {
                 found = Some(known);
             }
         }
-        // Elements of an array, as PX4 and ROS write them: `gyro_rad[0]`, `q[3]`.
-        if let Some(axis) = bracket.and_then(|(_, inside)| inside.trim().parse::<usize>().ok()) {
+        // Elements of an array, as PX4 and ROS write them: `gyro_rad[0]`, `q[3]`. In round brackets MATLAB counts from 1.
+        let is_element = name.ends_with(']');
+        if let Some(axis) = bracket
+            .and_then(|(_, inside)| inside.trim().parse::<usize>().ok())
+            .filter(|_| is_element)
+        {
             let is_quaternion = words.last().is_some_and(|word| QUATERNION.contains(&word.as_str()));
             let axes = if is_quaternion {
                 &["w", "x", "y", "z"][..]
@@ -191,6 +195,19 @@ pub(super) fn is_height(stem: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_element_in_square_brackets_is_an_axis() {
+        for (name, stem, unit) in [
+            ("gyro_rad[0]", "gyro_x", Some("rad")),
+            ("q[3]", "q_z", None),
+            ("gyro(1)", "gyro", None),
+            ("acc [m/s^2]", "acc", Some("m/s^2")),
+        ] {
+            let words = Words::of(name);
+            assert_eq!((words.stem.as_str(), words.unit), (stem, unit), "{name}");
+        }
+    }
 
     #[test]
     fn heights_say_above_what_they_are() {

@@ -10,7 +10,7 @@ use fusion::rows::{DataError, ProvidedChannel, RowStream, SourceError};
 use fusion::source::decode::{Cell, Malformed, Plan, RawRows, TimeSpec};
 use fusion::source::table::Table;
 use fusion::source::{DataFile, LogFormat, OpenContext, SourceSpec};
-use serde_json::Value;
+use serde_json::{Map, Value};
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
@@ -79,6 +79,9 @@ impl JsonLinesSpec {
     }
 }
 
+/// The object of a line, or why it is none.
+type Object = Result<Value, String>;
+
 /// The lines of a file. The first object defines the columns.
 struct Lines {
     file: String,
@@ -104,17 +107,19 @@ impl Lines {
             wrong: None,
             is_ahead: false,
         };
-        if let Some(object) = lines.object()? {
-            flattened("", object, &mut |name, _| lines.columns.push(name));
+        if let Some(first) = lines.object()? {
+            if let Ok(object) = &first {
+                flattened("", object.clone(), &mut |name, _| lines.columns.push(name));
+            }
+            lines.places = lines.columns.iter().cloned().zip(0..).collect();
+            lines.take(first);
+            lines.is_ahead = true;
         }
-        lines.places = lines.columns.iter().cloned().zip(0..).collect();
-        (lines.text, lines.line) = (BufReader::new(file.bytes(context)?), 0);
-        lines.is_ahead = lines.next()?;
         Ok(lines)
     }
 
     /// The object of the next line that is not empty; `None` after the last line.
-    fn object(&mut self) -> Result<Option<Value>, DataError> {
+    fn object(&mut self) -> Result<Option<Object>, DataError> {
         let wrong = |line: usize, what: String| DataError::new(self.file.clone(), format!("line {line}: {what}"));
         let mut text = String::new();
         while text.trim().is_empty() {
@@ -127,22 +132,26 @@ impl Lines {
                 _ => {}
             }
         }
-        Ok(Some(
-            serde_json::from_str(&text).unwrap_or_else(|error| Value::String(error.to_string())),
-        ))
+        let object: Result<Map<String, Value>, _> = serde_json::from_str(&text);
+        Ok(Some(object.map(Value::Object).map_err(|error| error.to_string())))
     }
 
-    fn next(&mut self) -> Result<bool, DataError> {
-        let Some(object) = self.object()? else { return Ok(false) };
-        self.cells = vec![Value::Null; self.columns.len()];
-        self.wrong = object.as_str().map(|error| format!("this line is no JSON object: {error}"));
-        let (places, cells) = (&self.places, &mut self.cells);
-        flattened("", object, &mut |name, value| {
-            if let Some(place) = places.get(&name) {
-                cells[*place] = value;
+    /// Makes an object the current row.
+    fn take(&mut self, object: Object) {
+        self.cells.clear();
+        self.cells.resize(self.columns.len(), Value::Null);
+        self.wrong = None;
+        match object {
+            Err(error) => self.wrong = Some(format!("this line is no JSON object: {error}")),
+            Ok(object) => {
+                let (places, cells) = (&self.places, &mut self.cells);
+                flattened("", object, &mut |name, value| {
+                    if let Some(place) = places.get(&name) {
+                        cells[*place] = value;
+                    }
+                });
             }
-        });
-        Ok(true)
+        }
     }
 }
 
@@ -171,10 +180,12 @@ impl RawRows for Lines {
 
     fn advance(&mut self) -> Result<bool, DataError> {
         if core::mem::take(&mut self.is_ahead) {
-            Ok(true)
-        } else {
-            self.next()
+            return Ok(true);
         }
+        let next = self.object()?;
+        let is_there = next.is_some();
+        next.into_iter().for_each(|object| self.take(object));
+        Ok(is_there)
     }
 
     fn place(&self) -> usize {
