@@ -152,6 +152,7 @@
 pub mod chart;
 pub mod consistency;
 pub mod covariance;
+pub mod custom;
 pub mod filter;
 pub mod gate;
 pub mod geometry;

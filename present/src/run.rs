@@ -318,7 +318,8 @@ impl Shown<'_, Summary> {
     }
 }
 
-/// Name, value and 1σ of each axis of a parameter, in SI; an attitude as roll, pitch, yaw.
+/// Name, value and 1σ of each axis of a parameter, in SI: an attitude as roll, pitch, yaw, a value of a custom manifold
+/// as its displacement from the origin of the manifold.
 pub(crate) fn axes(state: &FinalState) -> Vec<(String, f64, f64)> {
     if state.kind == Kind::Attitude {
         let q = Attitude::read(&state.value);
@@ -326,13 +327,21 @@ pub(crate) fn axes(state: &FinalState) -> Vec<(String, f64, f64)> {
         let (rpy, sigma) = rpy_of(&q, &p);
         return (0..3).map(|k| (RPY[k].to_owned(), rpy[k], sigma[k])).collect();
     }
-    let name = |k: usize| match state.value.len() {
+    let value = match state.kind {
+        Kind::Custom(space) => {
+            let mut moved = vec![0.0; space.axes.len()];
+            state.kind.minus(&state.value, space.origin, &mut moved);
+            moved
+        }
+        _ => state.value.clone(),
+    };
+    let name = |k: usize| match value.len() {
         1 => String::new(),
         3 => ["x", "y", "z"][k].to_owned(),
         _ => (k + 1).to_string(),
     };
     let sigma = |k: usize| state.sigma.get(k).copied().unwrap_or(f64::NAN);
-    let values = state.value.iter().enumerate();
+    let values = value.iter().enumerate();
     values.map(|(k, value)| (name(k), *value, sigma(k))).collect()
 }
 

@@ -5,7 +5,7 @@ use super::{DesignArgs, Failure, OutputArgs, builtin, print, report};
 use clap::Args;
 use fusion::assembly::{Assembly, Inside, StreamLayout, assemble, declared_streams};
 use fusion::config::{Diagnostics, Node, Value};
-use fusion::core::state::{Dynamics, Kind};
+use fusion::core::state::Dynamics;
 use fusion::design::{Design, SensorDesign};
 use fusion::examine::{Missing, is_pipe, opening, variants};
 use fusion::models::block::Listen;
@@ -255,18 +255,6 @@ fn value(node: &Node) -> String {
     }
 }
 
-const fn kind(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Geodetic => "geodetic",
-        Kind::Position => "position",
-        Kind::Velocity => "velocity",
-        Kind::Attitude => "attitude",
-        Kind::Scalar => "scalar",
-        Kind::Angle => "angle",
-        Kind::Vector(_) => "vector",
-    }
-}
-
 fn state(assembly: &Assembly) -> Table {
     let mut t = Table::new([
         Column::text("block"),
@@ -291,7 +279,7 @@ fn state(assembly: &Assembly) -> Table {
         };
         t.row([
             Cell::text(&b.name),
-            Cell::text(kind(b.kind)),
+            Cell::text(b.kind.name()),
             Cell::from(b.kind.dim()),
             Cell::text(sigma),
             Cell::text(&b.owner),

@@ -4,8 +4,8 @@
 //! is the Joseph form, (I − KH)P(I − KH)ᵀ + KRKᵀ.
 
 use core::ops::Range;
-use fusion_core::covariance::{Form, Workspace};
-use fusion_core::linear::{BlockMatrix, Jacobian, Transition};
+use fusion::core::covariance::{Form, Workspace};
+use fusion::core::linear::{BlockMatrix, Jacobian, Transition};
 use nalgebra::DMatrix;
 
 /// The lower triangle of P: n(n + 1)/2 numbers.

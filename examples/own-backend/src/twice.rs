@@ -4,7 +4,7 @@
 //! measurement r₁ = r − H δ₁, so that δ is the δ of one step.
 //! Not here  the change of the tangent space between x̂ and x₁
 
-use fusion_core::filter::{Innovation, Problem, UpdateRule};
+use fusion::core::filter::{Innovation, Problem, UpdateRule};
 
 /// Two linearisations per measurement.
 #[derive(Clone, Copy, Debug, Default)]

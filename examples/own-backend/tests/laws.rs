@@ -3,13 +3,13 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 use fusion::Navigator;
-use fusion_core::Time;
-use fusion_core::covariance::{Form, FormKind};
-use fusion_core::filter::{Backend, ChartKind, Estimator, Filter, Observed, Parts, UpdateKind, UpdateRule, Verdict};
-use fusion_core::gate::Open;
-use fusion_core::loss::Quadratic;
-use fusion_core::model::{Input, Size};
-use fusion_core::testing::{check_form, check_update_rule};
+use fusion::core::Time;
+use fusion::core::covariance::{Form, FormKind};
+use fusion::core::filter::{Backend, ChartKind, Estimator, Filter, Observed, Parts, UpdateKind, UpdateRule, Verdict};
+use fusion::core::gate::Open;
+use fusion::core::loss::Quadratic;
+use fusion::core::model::{Input, Size};
+use fusion::core::testing::{check_form, check_update_rule};
 use own_backend::{Packed, Twice};
 use std::sync::Arc;
 
@@ -40,7 +40,7 @@ fn run(parts: Parts) -> (Vec<f64>, Vec<f64>) {
     let (start, assembly) = (nav.belief().unwrap().clone(), nav.assembly());
     let sensor = &assembly.sensors[0].model;
     let mut filter = Filter::of(assembly.layout.clone(), assembly.process.clone(), parts.clone(), Size::same(3));
-    let mut belief = fusion_core::state::Belief::initial(&assembly.layout, &parts.form, start.time);
+    let mut belief = fusion::core::state::Belief::initial(&assembly.layout, &parts.form, start.time);
     belief.x.clone_from(&start.x);
     for block in assembly.layout.blocks() {
         belief.covariance.set_block(block, &start.covariance.block(block));

@@ -1,6 +1,6 @@
 //! Charts that differ from the canonical one in attitudes only.
 
-use super::{Chart, Reset};
+use super::{Chart, Reset, correct_block};
 use crate::geometry::so3;
 use crate::linear::BlockMatrix;
 use crate::state::{Attitude, Kind, Layout, Manifold};
@@ -138,11 +138,11 @@ impl AttitudeChart for AdditiveQuaternion {
 fn correct_blocks<C: AttitudeChart>(layout: &Layout, x: &mut [f64], delta: &[f64], reset: Reset, by: &mut BlockMatrix) -> bool {
     let mut moved = false;
     for b in layout.blocks() {
-        let (s, d) = (&mut x[b.storage_range()], &delta[b.tangent_range()]);
         if b.kind != Kind::Attitude {
-            b.kind.plus(s, d);
+            moved |= correct_block(b, x, delta, reset, by);
             continue;
         }
+        let (s, d) = (&mut x[b.storage_range()], &delta[b.tangent_range()]);
         let before = Attitude::read(s);
         let canonical = Vector3::new(d[0], d[1], d[2]);
         let own = C::matrix(&before).and_then(|t| t.try_inverse()).map(|inverse| inverse * canonical);

@@ -16,7 +16,7 @@
 //! Source    Barrau and Bonnabel 2017 (IEEE TAC 62(4)); Brossard, Barrau, Bonnabel 2022 (arXiv
 //!           2007.14097) for the extended Jacobians; Barrau and Bonnabel 2022 (arXiv 2201.04426) for two frames
 
-use super::{Chart, Reset};
+use super::{Chart, Reset, correct_block};
 use crate::geometry::so3;
 use crate::geometry::wgs84::Geodetic;
 use crate::linear::BlockMatrix;
@@ -340,8 +340,8 @@ impl Chart for Invariant {
 
     fn correct(&self, layout: &Layout, x: &mut [f64], delta: &[f64], reset: Reset, by: &mut BlockMatrix) -> bool {
         let Some(turning) = Turning::of(layout) else {
-            layout.plus(x, delta);
-            return false;
+            let blocks = layout.blocks().iter();
+            return blocks.fold(false, |moved, block| correct_block(block, x, delta, reset, by) | moved);
         };
         let q = turning.read(x);
         let correction = Correction::new(self.side, reset, turning, &q, &turning.turn(delta));
@@ -350,7 +350,7 @@ impl Chart for Invariant {
         for block in layout.blocks() {
             let is_turned = self.biases == Biases::TwoFrames && block.is_in_body_axes();
             if block.tangent != turning.block().tangent && !is_moved(block) && !is_turned {
-                block.kind.plus(&mut x[block.storage_range()], &delta[block.tangent_range()]);
+                correct_block(block, x, delta, reset, by);
             }
         }
         for u in moved.iter().flatten() {

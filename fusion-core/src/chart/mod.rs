@@ -25,7 +25,7 @@ pub use attitude::{AdditiveEuler, AdditiveQuaternion, Body, Navigation};
 pub use invariant::{Biases, Invariant, Side};
 
 use crate::linear::BlockMatrix;
-use crate::state::Layout;
+use crate::state::{Block, Kind, Layout, Space};
 use core::fmt::Debug;
 use std::sync::Arc;
 
@@ -61,6 +61,26 @@ pub trait Chart: Debug + Send + Sync {
         let _ = (layout, x);
         None
     }
+}
+
+/// x ← x ⊞ δ for a block that a chart does not treat specially: the canonical correction, with `x` and `delta` of the
+/// whole layout. The full reset of a custom manifold goes into `by`; returns true if the covariance must follow it.
+pub fn correct_block(block: &Block, x: &mut [f64], delta: &[f64], reset: Reset, by: &mut BlockMatrix) -> bool {
+    let (storage, delta) = (&mut x[block.storage_range()], &delta[block.tangent_range()]);
+    let is_carried = match block.kind {
+        Kind::Custom(space) if reset == Reset::Full => {
+            let n = space.axes.len();
+            let mut jacobian = [0.0; Space::MOST_AXES * Space::MOST_AXES];
+            (space.jacobian)(storage, delta, &mut jacobian[..n * n]);
+            for (k, value) in jacobian[..n * n].iter().enumerate() {
+                by.set_element(block.tangent + k / n, block.tangent + k % n, *value);
+            }
+            true
+        }
+        _ => false,
+    };
+    block.kind.plus(storage, delta);
+    is_carried
 }
 
 #[cfg(test)]

@@ -29,6 +29,7 @@ pub use solve::{cholesky, solve_lower, solve_rows};
 pub use square_root::SquareRoot;
 pub use udu::Udu;
 
+use crate::custom::Custom;
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use crate::memory::{Memory, Tape};
 use crate::state::{Block, Slot, Tangent};
@@ -36,7 +37,7 @@ use core::ops::Range;
 use nalgebra::SMatrix;
 use std::sync::Arc;
 
-/// The forms that this crate has.
+/// The forms that this crate has, and those of other crates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum FormKind {
     /// (I − KH)P(I − KH)ᵀ + KRKᵀ: positive for any gain.
@@ -48,12 +49,14 @@ pub enum FormKind {
     Udu,
     /// S Sᵀ, by orthogonal transformations: positive by construction.
     SquareRoot,
+    /// A form of another crate.
+    Custom(&'static Custom<dyn Form>),
 }
 
 impl FormKind {
     const ALL: [Self; 4] = [Self::Joseph, Self::Standard, Self::Udu, Self::SquareRoot];
 
-    /// The form of that name, if it is one of these.
+    /// The form of that name, if it is one of this crate.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.form().name() == name)
@@ -67,6 +70,7 @@ impl FormKind {
             Self::Standard => Arc::new(Standard),
             Self::Udu => Arc::new(Udu),
             Self::SquareRoot => Arc::new(SquareRoot::default()),
+            Self::Custom(custom) => (custom.make)(),
         }
     }
 }

@@ -7,6 +7,7 @@ use super::sigma::Spread;
 use super::unscented::Unscented;
 use crate::chart::{AdditiveEuler, AdditiveQuaternion, Biases, Body, Chart, Invariant, Navigation, Reset, Side};
 use crate::covariance::{FormKind, Kernel};
+use crate::custom::Custom;
 use std::sync::Arc;
 
 /// The definition of the error whose covariance is P.
@@ -23,6 +24,8 @@ pub enum ChartKind {
     Navigation,
     /// The error as an element of a group.
     Invariant(Side, Biases),
+    /// A chart of another crate.
+    Custom(&'static Custom<dyn Chart>),
 }
 
 /// How a measurement is linearised.
@@ -37,6 +40,8 @@ pub enum UpdateKind {
     Unscented(Spread),
     /// Without weighing: the state takes the measured value. No covariance is kept.
     Outright,
+    /// A rule of another crate.
+    Custom(&'static Custom<dyn UpdateRule>),
 }
 
 /// A backend: three independent choices.
@@ -102,6 +107,7 @@ impl ChartKind {
                 biases,
                 origin: None,
             }),
+            Self::Custom(custom) => (custom.make)(),
         }
     }
 }
@@ -115,6 +121,7 @@ impl UpdateKind {
             Self::Iterated(rule) => Arc::new(rule),
             Self::Unscented(spread) => Arc::new(Unscented(spread)),
             Self::Outright => Arc::new(Outright),
+            Self::Custom(custom) => (custom.make)(),
         }
     }
 }

@@ -6,7 +6,7 @@
 
 use super::reacquire::Growing;
 use crate::linear::Jacobian;
-use crate::state::{Block, Kind, Layout, StateRole};
+use crate::state::{AxisUnit, Block, Layout, StateRole};
 use crate::time::Time;
 use std::sync::Arc;
 
@@ -30,7 +30,7 @@ crate::memory!(Fixes { in_a_row, latest, before; horizontal });
 
 impl Fixes {
     pub(super) fn of(layout: &Layout) -> Self {
-        let is_place = |b: &&Block| matches!(b.kind, Kind::Geodetic | Kind::Position);
+        let is_place = |b: &&Block| b.kind.axis(0) == AxisUnit::Metre;
         let motion = layout.blocks().iter().filter(|b| b.role == StateRole::Kinematic);
         let horizontal = motion.filter(is_place).flat_map(|b| b.tangent_range().take(2));
         Self {

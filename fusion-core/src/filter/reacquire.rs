@@ -18,7 +18,7 @@
 
 use super::kalman::Filter;
 use super::step::Step;
-use crate::state::{Block, Kind, Layout, StateRole};
+use crate::state::{Block, Layout, StateRole};
 use core::ops::Range;
 use std::sync::Arc;
 
@@ -49,7 +49,7 @@ impl Growing {
         let motion = || layout.blocks().iter().filter(|b| b.role == StateRole::Kinematic);
         Self {
             linear: motion()
-                .filter(|b| !matches!(b.kind, Kind::Attitude | Kind::Angle))
+                .filter(|b| !b.kind.is_orientation())
                 .flat_map(Block::tangent_range)
                 .collect(),
             angular: layout.orientations().flat_map(Block::tangent_range).collect(),

@@ -13,7 +13,7 @@
 
 use crate::linear::Jacobian;
 use crate::memory::{Memory, Tape};
-use crate::state::{Belief, Block, Dynamics, Kind, Layout, StateRole};
+use crate::state::{AxisUnit, Belief, Block, Dynamics, Kind, Layout, StateRole};
 use crate::time::Time;
 
 /// In a row of H, a share does not count if it is below this fraction of the largest share, or of the innovation's
@@ -214,11 +214,11 @@ impl Aid {
 
 /// The kind of axis `k` of a block that moves.
 fn sort(block: &Block, k: usize) -> Sort {
-    match block.kind {
-        Kind::Geodetic | Kind::Position => Sort::Position(k),
-        Kind::Velocity => Sort::Velocity(k),
+    match block.kind.axis(k) {
+        AxisUnit::Metre => Sort::Position(k),
+        AxisUnit::MetrePerSecond => Sort::Velocity(k),
         // A vector with its own dynamics is a velocity, in separate axes.
-        Kind::Vector(_) if block.dynamics != Dynamics::Process => Sort::Velocity(k),
-        Kind::Attitude | Kind::Angle | Kind::Scalar | Kind::Vector(_) => Sort::Other,
+        AxisUnit::Other if matches!(block.kind, Kind::Vector(_)) && block.dynamics != Dynamics::Process => Sort::Velocity(k),
+        AxisUnit::Radian | AxisUnit::Other => Sort::Other,
     }
 }

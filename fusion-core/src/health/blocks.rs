@@ -4,7 +4,7 @@
 use super::pulse::Held;
 use super::{Limits, Reason};
 use crate::memory::{Memory, Tape};
-use crate::state::{Belief, Block, Dynamics, Kind, Layout, Past, StateRole, own_dynamics};
+use crate::state::{AxisUnit, Belief, Block, Dynamics, Layout, Past, StateRole, own_dynamics};
 use crate::time::Time;
 use std::sync::Arc;
 
@@ -111,9 +111,9 @@ impl Blocks {
         for (b, held) in layout.blocks().iter().zip(held) {
             let holds = match b.role {
                 StateRole::Kinematic => {
-                    let floor = floor(b, limits).powi(2);
                     let both = belief.covariance.variances(b).zip(&mut was_above[b.tangent_range()]);
-                    both.fold(false, |is_below, (v, was_above)| {
+                    both.enumerate().fold(false, |is_below, (k, (v, was_above))| {
+                        let floor = floor(b, k, limits).powi(2);
                         *was_above |= v >= floor;
                         is_below || (v < floor && *was_above)
                     })
@@ -207,12 +207,13 @@ fn wandered(block: &Block, k: usize, elapsed: f64) -> f64 {
     }
 }
 
-/// The least 1σ of a kinematic block; 0 for a block that is neither position, velocity nor attitude.
-fn floor(block: &Block, limits: &Limits) -> f64 {
-    match block.kind {
-        Kind::Geodetic | Kind::Position => limits.floor.position,
-        Kind::Velocity => limits.floor.velocity,
-        Kind::Attitude | Kind::Angle => limits.floor.attitude,
-        Kind::Scalar | Kind::Vector(_) => 0.0,
+/// The least 1σ of axis `k` of a kinematic block; 0 for an axis that is neither of a position, a velocity nor an
+/// attitude.
+fn floor(block: &Block, k: usize, limits: &Limits) -> f64 {
+    match block.kind.axis(k) {
+        AxisUnit::Metre => limits.floor.position,
+        AxisUnit::MetrePerSecond => limits.floor.velocity,
+        AxisUnit::Radian => limits.floor.attitude,
+        AxisUnit::Other => 0.0,
     }
 }

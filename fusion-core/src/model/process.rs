@@ -306,9 +306,7 @@ impl SignalBuffer {
     pub fn new(layout: &Layout) -> Self {
         let mut values = vec![0.0; layout.signal_storage()];
         for (_, kind, storage, _) in layout.signals() {
-            if kind == crate::state::Kind::Attitude {
-                values[storage] = 1.0;
-            }
+            kind.write_origin(&mut values[storage..storage + kind.storage()]);
         }
         Self {
             values,

@@ -4,6 +4,7 @@ use super::belief::Belief;
 use super::manifold::{Kind, Manifold, Vector, is_rotation};
 use super::name::QuantityName;
 use super::quantity::{Quantity, Signal, Slot};
+use super::space::Space;
 use thiserror::Error;
 
 /// How a block moves by itself between measurements.
@@ -169,6 +170,8 @@ pub struct Layout {
     /// The largest size of each number in storage, and where attitudes begin.
     limits: Vec<f64>,
     attitudes: Vec<usize>,
+    /// Where values of custom manifolds begin.
+    customs: Vec<(usize, &'static Space)>,
 }
 
 impl Layout {
@@ -224,13 +227,14 @@ impl Layout {
     pub fn is_sane(&self, x: &[f64]) -> bool {
         // Without branches in between: it nearly always is.
         let is_below = x.iter().zip(&self.limits).fold(true, |all, (v, limit)| all & (v.abs() <= *limit));
-        is_below && self.attitudes.iter().all(|&at| is_rotation(&x[at..at + 4]))
+        let is_custom_sane = |(at, space): &(usize, &Space)| (space.is_sane)(&x[*at..at + space.origin.len()]);
+        is_below && self.attitudes.iter().all(|&at| is_rotation(&x[at..at + 4])) && self.customs.iter().all(is_custom_sane)
     }
 
-    /// The orientations of the motion: attitudes and headings.
+    /// The orientations of the motion: attitudes, headings, and custom ones.
     pub(crate) fn orientations(&self) -> impl Iterator<Item = &Block> {
-        let is_angle = |b: &&Block| matches!(b.kind, Kind::Attitude | Kind::Angle);
-        self.blocks.iter().filter(|b| b.role == StateRole::Kinematic).filter(is_angle)
+        let motion = self.blocks.iter().filter(|b| b.role == StateRole::Kinematic);
+        motion.filter(|b| b.kind.is_orientation())
     }
 
     /// Whether no axis of the orientations has a greater 1σ \[rad\].
@@ -342,6 +346,13 @@ impl LayoutBuilder {
             });
         }
         let dim = M::KIND.dim();
+        let most = Space::MOST_AXES;
+        if matches!(M::KIND, Kind::Custom(_)) && !(1..=most).contains(&dim) {
+            return Err(LayoutError::BadDeclaration {
+                name: d.name,
+                reason: format!("a custom manifold has 1 to {most} axes, this one has {dim}"),
+            });
+        }
         let fits = |v: &[f64]| v.len() == dim && v.iter().all(|s| s.is_finite() && *s >= 0.0);
         let bad = |reason: &str| LayoutError::BadDeclaration {
             name: d.name.clone(),
@@ -351,9 +362,9 @@ impl LayoutBuilder {
             return Err(bad("sigma needs one finite, non-negative number per axis"));
         }
         match &d.dynamics {
-            Dynamics::GaussMarkov { .. } if matches!(M::KIND, Kind::Attitude | Kind::Geodetic) => {
+            Dynamics::GaussMarkov { .. } if !M::KIND.is_linear() && M::KIND != Kind::Angle => {
                 return Err(bad(
-                    "a rotation or a geodetic position does not decay to zero: use a random walk, or no correlation time",
+                    "a rotation, a geodetic position or a custom manifold does not decay to zero: use a random walk, or no correlation time",
                 ));
             }
             Dynamics::RandomWalk { psd } if !fits(psd) => return Err(bad("psd needs one finite, non-negative number per axis")),
@@ -365,9 +376,17 @@ impl LayoutBuilder {
         let slot = Slot::new(l.storage, l.dim);
         l.initial.resize(l.storage + M::KIND.storage(), 0.0);
         M::write(&d.initial, &mut l.initial[l.storage..]);
-        if l.initial[l.storage..].iter().any(|v| !v.is_finite()) {
+        let initial = &l.initial[l.storage..];
+        let fault = if initial.iter().any(|v| !v.is_finite()) {
+            Some("the initial value must be finite")
+        } else if matches!(M::KIND, Kind::Custom(space) if !(space.is_sane)(initial)) {
+            Some("the initial value is no point of its manifold")
+        } else {
+            None
+        };
+        if let Some(fault) = fault {
             l.initial.truncate(l.storage);
-            return Err(bad("the initial value must be finite"));
+            return Err(bad(fault));
         }
         l.blocks.push(Block {
             name: d.name,
@@ -383,6 +402,9 @@ impl LayoutBuilder {
         });
         if M::KIND == Kind::Attitude {
             l.attitudes.push(l.storage);
+        }
+        if let Kind::Custom(space) = M::KIND {
+            l.customs.push((l.storage, space));
         }
         l.limits.extend((0..M::KIND.storage()).map(|k| M::KIND.limit(k)));
         l.storage += M::KIND.storage();

@@ -12,7 +12,9 @@
 //! | [`Scalar`] | 1 | 1 | x + δ |
 //! | [`Angle`] | 1 \[rad\] | 1 \[rad\] | wrap(x + δ) to (−π, π] |
 //! | [`Vector`] | N | N | x + δ |
+//! | [`Space`], of another crate | its own | its own | its own |
 
+use super::space::{AxisUnit, Space};
 use crate::geometry::{so3, wgs84};
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector3};
 
@@ -39,6 +41,8 @@ pub enum Kind {
     Angle,
     /// `n` real numbers.
     Vector(usize),
+    /// A manifold of another crate.
+    Custom(&'static Space),
 }
 
 impl Kind {
@@ -50,6 +54,7 @@ impl Kind {
             Self::Attitude => 4,
             Self::Scalar | Self::Angle => 1,
             Self::Vector(n) => n,
+            Self::Custom(space) => space.origin.len(),
         }
     }
 
@@ -58,16 +63,76 @@ impl Kind {
     pub const fn dim(self) -> usize {
         match self {
             Self::Attitude => 3,
+            Self::Custom(space) => space.axes.len(),
             other => other.storage(),
+        }
+    }
+
+    /// Its name: `geodetic`, `position` and so on.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Geodetic => "geodetic",
+            Self::Position => "position",
+            Self::Velocity => "velocity",
+            Self::Attitude => "attitude",
+            Self::Scalar => "scalar",
+            Self::Angle => "angle",
+            Self::Vector(_) => "vector",
+            Self::Custom(space) => space.name,
+        }
+    }
+
+    /// The unit of axis `k` of the tangent space, as far as the manifold gives it: a scalar or a vector may have any.
+    #[must_use]
+    pub fn axis(self, k: usize) -> AxisUnit {
+        match self {
+            Self::Geodetic | Self::Position => AxisUnit::Metre,
+            Self::Velocity => AxisUnit::MetrePerSecond,
+            Self::Attitude | Self::Angle => AxisUnit::Radian,
+            Self::Scalar | Self::Vector(_) => AxisUnit::Other,
+            Self::Custom(space) => space.axes.get(k).copied().unwrap_or(AxisUnit::Other),
+        }
+    }
+
+    /// Whether the block is an orientation: an attitude, an angle, or a custom manifold with at most three axes that
+    /// are all turns.
+    #[must_use]
+    pub fn is_orientation(self) -> bool {
+        match self {
+            Self::Attitude | Self::Angle => true,
+            Self::Custom(space) => space.is_orientation(),
+            _ => false,
+        }
+    }
+
+    /// Whether x ⊞ δ = x + δ: every stored number is a coordinate.
+    #[must_use]
+    pub const fn is_linear(self) -> bool {
+        matches!(self, Self::Position | Self::Velocity | Self::Scalar | Self::Vector(_))
+    }
+
+    /// Writes a sane value to storage: 0, the identity, or the origin of a custom manifold.
+    pub fn write_origin(self, x: &mut [f64]) {
+        match self {
+            Self::Attitude => Attitude::write(&UnitQuaternion::identity(), x),
+            Self::Custom(space) => x.copy_from_slice(space.origin),
+            _ => x.fill(0.0),
         }
     }
 
     /// Whether `x` in storage can be a value: finite, a position within 10⁹ m of the earth and a
     /// latitude no further than a pole, a velocity below the velocity of light, a quaternion of length one.
+    /// A custom manifold says it by itself.
     #[must_use]
     pub fn is_sane(self, x: &[f64]) -> bool {
         let is_below = x.iter().enumerate().all(|(k, v)| v.abs() <= self.limit(k));
-        is_below && (self != Self::Attitude || is_rotation(x))
+        is_below
+            && match self {
+                Self::Attitude => is_rotation(x),
+                Self::Custom(space) => (space.is_sane)(x),
+                _ => true,
+            }
     }
 
     /// The largest size that number `k` of its storage can have.
@@ -95,6 +160,7 @@ impl Kind {
                 Attitude::write(&q, x);
             }
             Self::Angle => x[0] = wrap(x[0] + delta[0]),
+            Self::Custom(space) => (space.plus)(&mut x[..space.origin.len()], &delta[..space.axes.len()]),
             _ => x.iter_mut().zip(delta).for_each(|(x, d)| *x += d),
         }
     }
@@ -111,6 +177,7 @@ impl Kind {
                 out[..3].copy_from_slice(d.as_slice());
             }
             Self::Angle => out[0] = wrap(a[0] - b[0]),
+            Self::Custom(space) => (space.minus)(a, b, &mut out[..space.axes.len()]),
             _ => {
                 for ((o, a), b) in out.iter_mut().zip(a).zip(b) {
                     *o = a - b;

@@ -6,6 +6,7 @@ mod manifold;
 mod name;
 mod past;
 mod quantity;
+mod space;
 mod written;
 
 /// The largest 1σ of an attitude \[rad\] about which is linearised: the sine of 15° is within 1 % of the angle.
@@ -17,3 +18,4 @@ pub use manifold::{Angle, Attitude, Geodetic, Kind, Manifold, Position, Scalar, 
 pub use name::QuantityName;
 pub(crate) use past::{Past, own_dynamics};
 pub use quantity::{Param, Quantity, Signal, Slot, View};
+pub use space::{AxisUnit, Space};

@@ -4,7 +4,7 @@
 //! factored form, it is the same up to rounding. A run that must continue bit for bit needs a checkpoint
 //! ([`memory`](crate::memory)). The input that led to the belief is not written.
 
-use super::{Belief, Block, Kind, Layout, StateRole};
+use super::{Belief, Block, Layout, StateRole};
 use crate::covariance::{Covariance, FormKind};
 use crate::model::LastInput;
 use crate::time::Time;
@@ -87,7 +87,7 @@ impl<'a> WrittenBlock<'a> {
         Self {
             name: &block.name,
             owner: &block.owner,
-            kind: kind(block.kind),
+            kind: block.kind.name(),
             role: role(block.role),
             unit: block.unit,
             storage: [block.storage, block.kind.storage()],
@@ -103,18 +103,6 @@ impl Serialize for Layout {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let blocks: Vec<_> = self.blocks().iter().map(WrittenBlock::of).collect();
         serializer.collect_map([("blocks", blocks)])
-    }
-}
-
-const fn kind(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Geodetic => "geodetic",
-        Kind::Position => "position",
-        Kind::Velocity => "velocity",
-        Kind::Attitude => "attitude",
-        Kind::Scalar => "scalar",
-        Kind::Angle => "angle",
-        Kind::Vector(_) => "vector",
     }
 }
 

@@ -3,7 +3,7 @@
 use super::numeric::within;
 use crate::chart::{Chart, Reset};
 use crate::linear::BlockMatrix;
-use crate::state::{Block, Kind, Layout};
+use crate::state::{AxisUnit, Block, Kind, Layout, Space};
 
 /// ⊞ and ⊟ of a kind undo each other: (x ⊞ δ) ⊟ x = δ, and x ⊞ 0 = x.
 ///
@@ -32,6 +32,61 @@ pub fn check_kind(kind: Kind, x: &[f64], delta: &[f64]) -> Result<(), String> {
         Some(i) => Err(format!("{kind:?}: x ⊞ 0 moves axis {i} by {}", back[i])),
         None => Ok(()),
     }
+}
+
+/// The laws of a custom manifold at `x`, for the step `delta`: those of [`check_kind`], a step leads to a sane value,
+/// and the Jacobian is the derivative of ⊞.
+///
+/// # Errors
+/// A sentence with what is wrong.
+pub fn check_space(space: &'static Space, x: &[f64], delta: &[f64]) -> Result<(), String> {
+    let (name, kind, n) = (space.name, Kind::Custom(space), space.axes.len());
+    let is_word = !name.is_empty() && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+    if !is_word {
+        return Err(format!("`{name}`: a name has small letters, digits and `_` only"));
+    }
+    if !(1..=Space::MOST_AXES).contains(&n) {
+        return Err(format!("`{name}` has {n} axes, and may have 1 to {}", Space::MOST_AXES));
+    }
+    let widths = [space.labels.len(), space.origin.len(), x.len()];
+    if widths[0] != widths[1] || widths[0] != widths[2] || delta.len() != n {
+        return Err(format!(
+            "`{name}`: labels, origin and x have {widths:?} numbers, δ has {} of {n}",
+            delta.len()
+        ));
+    }
+    let mut moved = x.to_vec();
+    kind.plus(&mut moved, delta);
+    for (what, value) in [("the origin", space.origin), ("x", x), ("x ⊞ δ", &moved)] {
+        if !kind.is_sane(value) {
+            return Err(format!("`{name}`: {what}, {value:?}, is not sane"));
+        }
+    }
+    check_kind(kind, x, delta)?;
+    let mut jacobian = vec![0.0; n * n];
+    (space.jacobian)(x, delta, &mut jacobian);
+    // 1e-4 turns a second derivative of 1 into 1e-9 of the difference; rounding is 1e-16 / 1e-4 of the numbers.
+    let h = 1e-4;
+    for k in 0..n {
+        let side = |sign: f64| {
+            let (mut at, mut delta, mut out) = (x.to_vec(), delta.to_vec(), vec![0.0; n]);
+            delta[k] += sign * h;
+            kind.plus(&mut at, &delta);
+            kind.minus(&at, &moved, &mut out);
+            out
+        };
+        let (plus, minus) = (side(1.0), side(-1.0));
+        for i in 0..n {
+            let (analytic, numeric) = (jacobian[i * n + k], (plus[i] - minus[i]) / (2.0 * h));
+            // 1e-6: h² / 6 of a third derivative of up to 100, and rounding of numbers up to 1e5.
+            if !within(analytic - numeric, 1e-6 * analytic.abs().max(1.0)) {
+                return Err(format!(
+                    "`{name}`: the Jacobian is {analytic} at ({i}, {k}), and the derivative of ⊞ is {numeric}"
+                ));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The laws of a chart at `x`, for the correction `delta`: T(x) is the derivative of its retraction;
@@ -88,7 +143,7 @@ pub fn check_reset(layout: &Layout, chart: &dyn Chart, x: &[f64], delta: &[f64])
         }
     }
     for (b, j) in axes(layout) {
-        let h = if turns(b.kind) { 1e-4 } else { 1.0 };
+        let h = step(b, j);
         let numeric = derivative(layout, chart, x, delta, &after, j, h);
         for (i, numeric) in numeric.iter().enumerate() {
             let analytic = reset.get(i, j);
@@ -115,8 +170,14 @@ fn axes(layout: &Layout) -> impl Iterator<Item = (&Block, usize)> {
     layout.blocks().iter().flat_map(|b| b.tangent_range().map(move |j| (b, j)))
 }
 
-const fn turns(kind: Kind) -> bool {
-    matches!(kind, Kind::Attitude | Kind::Angle)
+/// The step along an axis: 1 where ⊞ is addition or nearly so, as on the earth.
+fn step(block: &Block, axis: usize) -> f64 {
+    let turns = block.kind.axis(axis - block.tangent) == AxisUnit::Radian;
+    if turns || matches!(block.kind, Kind::Custom(_)) {
+        1e-4
+    } else {
+        1.0
+    }
 }
 
 fn is_geodetic(layout: &Layout, axis: usize) -> bool {
@@ -129,7 +190,7 @@ fn check_retraction(layout: &Layout, chart: &dyn Chart, x: &[f64]) -> Result<(),
     let zero = vec![0.0; layout.dim()];
     let largest = x.iter().fold(1.0, |most: f64, v| most.max(v.abs()));
     for (b, j) in axes(layout) {
-        let h = if turns(b.kind) { 1e-4 } else { 1.0 };
+        let h = step(b, j);
         let numeric = derivative(layout, chart, x, &zero, x, j, h);
         for (i, v) in numeric.iter().enumerate() {
             let wanted = f64::from(u8::from(i == j));

@@ -22,7 +22,7 @@ mod policy;
 mod process;
 mod random;
 
-pub use chart::{check_chart, check_kind, check_reset};
+pub use chart::{check_chart, check_kind, check_reset, check_space};
 pub use coasting::check_coasting;
 #[cfg(test)]
 pub(crate) use form::scalars;

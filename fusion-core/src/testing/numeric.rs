@@ -1,16 +1,16 @@
 //! Central differences on a layout, with an estimate of their error.
 
-use crate::state::{Block, Kind, Layout};
+use crate::state::{AxisUnit, Block, Kind, Layout};
 
-/// The tangent step of a block of `kind` whose stored value is `x`.
+/// The step along axis `k` of a block of `kind` whose stored value is `x`.
 #[must_use]
-pub fn step(kind: Kind, x: &[f64]) -> f64 {
-    match kind {
-        Kind::Geodetic | Kind::Position => 1.0,
-        Kind::Velocity => 0.1,
-        Kind::Attitude | Kind::Angle => 1e-2,
+pub fn step(kind: Kind, k: usize, x: &[f64]) -> f64 {
+    match kind.axis(k) {
+        AxisUnit::Metre => 1.0,
+        AxisUnit::MetrePerSecond => 0.1,
+        AxisUnit::Radian => 1e-2,
         // Unknown units: a step in proportion, and small beside 1.
-        Kind::Scalar | Kind::Vector(_) => 1e-3 * x.iter().fold(1.0, |m: f64, v| m.max(v.abs())),
+        AxisUnit::Other => 1e-3 * x.iter().fold(1.0, |m: f64, v| m.max(v.abs())),
     }
 }
 
@@ -39,7 +39,7 @@ pub(super) type Function<'a> = dyn FnMut(&[f64], &mut [f64]) -> Result<(), Strin
 
 /// The derivative of `f` along axis `k` of `block` at `x`.
 pub(super) fn column(layout: &Layout, block: &Block, k: usize, x: &[f64], rows: usize, f: &mut Function<'_>) -> Result<Column, String> {
-    let h = step(block.kind, &x[block.storage_range()]);
+    let h = step(block.kind, k, &x[block.storage_range()]);
     let jitter = jitter(layout, block, k, x, rows, h, f)?;
     let mut difference = |h: f64| -> Result<Vec<f64>, String> {
         let (mut plus, mut minus) = (vec![0.0; rows], vec![0.0; rows]);

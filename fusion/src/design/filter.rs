@@ -1,9 +1,10 @@
 //! `[filter]`: the backend, as a preset or by its axes.
 
+use super::choice::{ChartSpec, Choice, FormSpec, UpdateSpec, words};
 use crate::config::{Diagnostic, Diagnostics, Node, did_you_mean};
-use fusion_core::chart::{Biases, Reset, Side};
-use fusion_core::covariance::{FormKind, Kernel};
-use fusion_core::filter::{Backend, BankLimits, ChartKind, Iterated, Spread, UpdateKind};
+use fusion_core::chart::{Biases, Chart, Reset, Side};
+use fusion_core::covariance::{Form, FormKind, Kernel};
+use fusion_core::filter::{Backend, BankLimits, ChartKind, Iterated, Spread, UpdateKind, UpdateRule};
 use fusion_core::state::{Kind, Layout, StateRole};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -17,11 +18,11 @@ pub struct FilterSpec {
     /// A preset of the axes below. An axis that is declared too replaces that of the preset.
     pub backend: Option<PresetSpec>,
     /// The error coordinates that the covariance refers to.
-    pub chart: Option<ChartSpec>,
+    pub chart: Option<Choice<dyn Chart>>,
     /// How an invariant chart treats vectors in body axes, such as the biases of inertial sensors.
     pub biases: Option<BiasesSpec>,
     /// How a measurement is linearised.
-    pub update: Option<UpdateSpec>,
+    pub update: Option<Choice<dyn UpdateRule>>,
     /// The most steps of an iterated update, at least 1; 10 by default.
     pub iterations: Option<u16>,
     /// An iterated update ends when a step is shorter than this many σ of the estimate given the
@@ -30,7 +31,7 @@ pub struct FilterSpec {
     /// How far the sigma points of an unscented update are from the estimate.
     pub spread: Option<SpreadSpec>,
     /// How the covariance is stored and kept positive.
-    pub form: Option<FormSpec>,
+    pub form: Option<Choice<dyn Form>>,
     /// How the covariance changes when a correction moves the state.
     pub reset: Option<ResetSpec>,
     /// Calibrations get only a share 1/k² of the corrections by a sensor whose NIS is k² times its expectation, beyond
@@ -99,25 +100,6 @@ pub enum PresetSpec {
     Ukf,
 }
 
-/// Charts.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
-pub enum ChartSpec {
-    /// Additive error of roll, pitch, yaw.
-    AdditiveEuler,
-    /// Additive error of the quaternion's components, normalised.
-    AdditiveQuaternion,
-    /// Attitude error in body axes.
-    Body,
-    /// Attitude error in navigation axes.
-    Navigation,
-    /// Attitude (or heading), velocity and position as one element of SE₂(3) (or SE(2)), the error on
-    /// its left: χ = Exp(ξ) χ̂.
-    RightInvariant,
-    /// The same, the error on its right: χ = χ̂ Exp(ξ).
-    LeftInvariant,
-}
-
 /// Biases under an invariant chart.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -126,20 +108,6 @@ pub enum BiasesSpec {
     Imperfect,
     /// Their errors are part of the group: the two-frames group.
     TwoFrames,
-}
-
-/// Updates.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
-pub enum UpdateSpec {
-    /// Linearised once, at the prediction.
-    Single,
-    /// Linearised again where the correction leads: Gauss-Newton with step control.
-    Iterated,
-    /// Sigma points, for the prediction too.
-    Unscented,
-    /// The measurement replaces the state, without a covariance: the latest value of each instrument.
-    Outright,
 }
 
 /// The scaled set of sigma points: α√(n + κ) σ from the estimate.
@@ -159,20 +127,6 @@ impl Default for SpreadSpec {
         let Spread { alpha, beta, kappa } = Spread::DEFAULT;
         Self { alpha, beta, kappa }
     }
-}
-
-/// Covariance forms.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
-pub enum FormSpec {
-    /// (I − KH)P(I − KH)ᵀ + KRKᵀ.
-    Joseph,
-    /// (I − KH)P.
-    Standard,
-    /// U D Uᵀ by Bierman and Thornton: positive for every ratio of the noises.
-    Udu,
-    /// S Sᵀ by orthogonal transformations: positive for every ratio of the noises.
-    SquareRoot,
 }
 
 /// How P changes at a correction.
@@ -206,27 +160,31 @@ impl FilterSpec {
             Some(PresetSpec::Ukf) => Backend::UKF,
         };
         if let Some(chart) = self.chart {
+            use Choice::{BuiltIn, Custom};
             backend.chart = match chart {
-                ChartSpec::AdditiveEuler => ChartKind::AdditiveEuler,
-                ChartSpec::AdditiveQuaternion => ChartKind::AdditiveQuaternion,
-                ChartSpec::Body => ChartKind::Body,
-                ChartSpec::Navigation => ChartKind::Navigation,
-                ChartSpec::RightInvariant => ChartKind::Invariant(Side::Right, Biases::Imperfect),
-                ChartSpec::LeftInvariant => ChartKind::Invariant(Side::Left, Biases::Imperfect),
+                Custom(chart) => ChartKind::Custom(chart),
+                BuiltIn(ChartSpec::AdditiveEuler) => ChartKind::AdditiveEuler,
+                BuiltIn(ChartSpec::AdditiveQuaternion) => ChartKind::AdditiveQuaternion,
+                BuiltIn(ChartSpec::Body) => ChartKind::Body,
+                BuiltIn(ChartSpec::Navigation) => ChartKind::Navigation,
+                BuiltIn(ChartSpec::RightInvariant) => ChartKind::Invariant(Side::Right, Biases::Imperfect),
+                BuiltIn(ChartSpec::LeftInvariant) => ChartKind::Invariant(Side::Left, Biases::Imperfect),
             };
         }
         if let (ChartKind::Invariant(_, biases), Some(BiasesSpec::TwoFrames)) = (&mut backend.chart, self.biases) {
             *biases = Biases::TwoFrames;
         }
-        match self.update {
-            Some(UpdateSpec::Single) => backend.update = UpdateKind::Single,
-            Some(UpdateSpec::Iterated) => backend.update = UpdateKind::Iterated(Iterated::DEFAULT),
-            Some(UpdateSpec::Unscented) => backend.update = UpdateKind::Unscented(Spread::DEFAULT),
-            Some(UpdateSpec::Outright) => backend.update = UpdateKind::Outright,
-            None => {}
+        if let Some(update) = self.update {
+            backend.update = match update {
+                Choice::BuiltIn(UpdateSpec::Single) => UpdateKind::Single,
+                Choice::BuiltIn(UpdateSpec::Iterated) => UpdateKind::Iterated(Iterated::DEFAULT),
+                Choice::BuiltIn(UpdateSpec::Unscented) => UpdateKind::Unscented(Spread::DEFAULT),
+                Choice::BuiltIn(UpdateSpec::Outright) => UpdateKind::Outright,
+                Choice::Custom(rule) => UpdateKind::Custom(rule),
+            };
         }
         match &mut backend.update {
-            UpdateKind::Single | UpdateKind::Outright => {}
+            UpdateKind::Single | UpdateKind::Outright | UpdateKind::Custom(_) => {}
             UpdateKind::Iterated(rule) => {
                 rule.iterations = self.iterations.unwrap_or(rule.iterations);
                 rule.tolerance = self.tolerance.unwrap_or(rule.tolerance);
@@ -239,10 +197,11 @@ impl FilterSpec {
         backend.protection = self.protect_calibrations;
         if let Some(form) = self.form {
             backend.form = match form {
-                FormSpec::Joseph => FormKind::Joseph,
-                FormSpec::Standard => FormKind::Standard,
-                FormSpec::Udu => FormKind::Udu,
-                FormSpec::SquareRoot => FormKind::SquareRoot,
+                Choice::BuiltIn(FormSpec::Joseph) => FormKind::Joseph,
+                Choice::BuiltIn(FormSpec::Standard) => FormKind::Standard,
+                Choice::BuiltIn(FormSpec::Udu) => FormKind::Udu,
+                Choice::BuiltIn(FormSpec::SquareRoot) => FormKind::SquareRoot,
+                Choice::Custom(form) => FormKind::Custom(form),
             };
         }
         if let UpdateKind::Iterated(_) = backend.update {
@@ -268,12 +227,14 @@ impl FilterSpec {
             ChartKind::Navigation => "navigation",
             ChartKind::Invariant(Side::Right, _) => "right_invariant",
             ChartKind::Invariant(Side::Left, _) => "left_invariant",
+            ChartKind::Custom(chart) => chart.name,
         };
         let update = match backend.update {
             UpdateKind::Single => "single",
             UpdateKind::Iterated(_) => "iterated",
             UpdateKind::Unscented(_) => "unscented",
             UpdateKind::Outright => "outright",
+            UpdateKind::Custom(rule) => rule.name,
         };
         let mut words = vec![chart, update, backend.form.form().name()];
         if matches!(backend.chart, ChartKind::Invariant(_, Biases::TwoFrames)) {
@@ -471,10 +432,10 @@ fn is<'de, T: Deserialize<'de>>(word: &'de str) -> bool {
 fn key_of(word: &str) -> Option<&'static str> {
     let kinds = [
         ("backend", is::<PresetSpec>(word)),
-        ("chart", is::<ChartSpec>(word)),
+        ("chart", is::<Choice<dyn Chart>>(word)),
         ("biases", is::<BiasesSpec>(word)),
-        ("update", is::<UpdateSpec>(word)),
-        ("form", is::<FormSpec>(word)),
+        ("update", is::<Choice<dyn UpdateRule>>(word)),
+        ("form", is::<Choice<dyn Form>>(word)),
         ("reset", is::<ResetSpec>(word)),
     ];
     kinds.into_iter().find(|(_, is_one)| *is_one).map(|(key, _)| key)
@@ -484,18 +445,13 @@ fn key_of(word: &str) -> Option<&'static str> {
 fn names() -> Vec<String> {
     let schemas = [
         schemars::schema_for!(PresetSpec),
-        schemars::schema_for!(ChartSpec),
+        schemars::schema_for!(Choice<dyn Chart>),
         schemars::schema_for!(BiasesSpec),
-        schemars::schema_for!(UpdateSpec),
-        schemars::schema_for!(FormSpec),
+        schemars::schema_for!(Choice<dyn UpdateRule>),
+        schemars::schema_for!(Choice<dyn Form>),
         schemars::schema_for!(ResetSpec),
     ];
-    let mut names = Vec::new();
-    for schema in schemas {
-        let of_variants = schema.get("oneOf").and_then(|v| v.as_array()).into_iter().flatten();
-        names.extend(of_variants.filter_map(|v| v.get("const")?.as_str()).map(str::to_owned));
-    }
-    names
+    schemas.iter().flat_map(words).collect()
 }
 
 #[cfg(test)]

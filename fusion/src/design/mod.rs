@@ -16,6 +16,7 @@
 //! ```
 
 mod blocks;
+mod choice;
 mod explain;
 mod filter;
 mod further;
@@ -33,8 +34,9 @@ pub mod schema;
 pub(crate) mod truth;
 
 pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
+pub use choice::{BackendPart, ChartSpec, Choice, FormSpec, UpdateSpec};
 pub(crate) use explain::explain;
-pub use filter::{BiasesSpec, ChartSpec, FilterSpec, FormSpec, PresetSpec, ResetSpec, SpreadSpec, UpdateSpec};
+pub use filter::{BiasesSpec, FilterSpec, PresetSpec, ResetSpec, SpreadSpec};
 pub use further::FurtherTable;
 pub use health::{FloorSpec, HealthSpec, InnovationsSpec, RejectedSpec, SilentSpec};
 pub use input::InputSpec;

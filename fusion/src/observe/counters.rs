@@ -3,7 +3,7 @@
 use super::{Heard, RunEvent, RunObserver};
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt};
-use fusion_core::state::{Belief, Kind, StateRole};
+use fusion_core::state::{Belief, StateRole};
 
 /// The name of the process as a consumer.
 const PROCESS: &str = "process";
@@ -65,7 +65,7 @@ fn least_known(filter: &Heard, belief: &Belief) -> Option<(String, f64)> {
         .iter()
         // The pose of a ship is unknown until its own sensor measures it; that sensor then measures all of it at once.
         .filter(|b| b.role != StateRole::Nuisance)
-        .filter(|b| matches!(b.kind, Kind::Attitude | Kind::Angle) || b.unit == "rad");
+        .filter(|b| b.kind.is_orientation() || b.unit == "rad");
     let known = angles.map(|b| (b.name.clone(), belief.covariance.sigmas(b).fold(0.0, f64::max)));
     known.max_by(|a, b| a.1.total_cmp(&b.1))
 }

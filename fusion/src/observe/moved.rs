@@ -356,7 +356,7 @@ impl Calibration {
         let (from, to) = (&before.x[self.storage.clone()], &after.x[self.storage.clone()]);
         let mut difference = vec![0.0; self.tangent.len()];
         self.block.kind.minus(to, from, &mut difference);
-        let has_values = !matches!(self.block.kind, Kind::Attitude | Kind::Geodetic);
+        let has_values = self.block.kind.is_linear() || self.block.kind == Kind::Angle;
         let axes = difference.iter().zip(&before.variance[self.tangent.clone()]).enumerate();
         let sigmas = axes.map(|(axis, (moved, variance))| {
             let sigma = (variance.max(0.0) + self.wandered(axis, elapsed)).sqrt();

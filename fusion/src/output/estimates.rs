@@ -36,14 +36,25 @@ const SHOWN: [&str; 4] = [
     state::LOCAL_POSITION.as_str(),
 ];
 
-/// Names of a block's axes as they end its columns.
-fn axes(kind: Kind) -> Vec<String> {
+/// Names of a block's stored numbers as they end its columns; an attitude is written as its Euler angles.
+fn values(kind: Kind) -> Vec<String> {
     match kind {
         Kind::Scalar | Kind::Angle => vec![String::new()],
         Kind::Attitude => ["_roll", "_pitch", "_yaw"].map(str::to_owned).to_vec(),
         Kind::Geodetic => ["_lat", "_lon", "_height"].map(str::to_owned).to_vec(),
         Kind::Position | Kind::Velocity | Kind::Vector(3) => ["_x", "_y", "_z"].map(str::to_owned).to_vec(),
         Kind::Vector(n) => (0..n).map(|i| format!("_{i}")).collect(),
+        Kind::Custom(space) if space.labels == [""] => vec![String::new()],
+        Kind::Custom(space) => space.labels.iter().map(|label| format!("_{label}")).collect(),
+    }
+}
+
+/// Names of the axes of its 1σ: those of its values, or the numbers of the axes of a custom manifold.
+fn sigmas_of(kind: Kind) -> Vec<String> {
+    match kind {
+        Kind::Custom(space) if space.axes.len() == 1 => vec![String::new()],
+        Kind::Custom(space) => (0..space.axes.len()).map(|k| format!("_{k}")).collect(),
+        _ => values(kind),
     }
 }
 
@@ -104,9 +115,9 @@ impl<W: Write> EstimateWriter<W> {
         cells.texts(SOLUTION)?;
         SOLUTION.iter().try_for_each(|name| cells.put(format_args!("sigma_{name}")))?;
         for block in &further {
-            for prefix in ["", "sigma_"] {
-                let mut axes = axes(block.kind).into_iter();
-                axes.try_for_each(|axis| cells.put(format_args!("{prefix}{}{axis}", block.name)))?;
+            for (prefix, names) in [("", values(block.kind)), ("sigma_", sigmas_of(block.kind))] {
+                let mut names = names.into_iter();
+                names.try_for_each(|axis| cells.put(format_args!("{prefix}{}{axis}", block.name)))?;
             }
         }
         cells.end()?;

@@ -101,10 +101,12 @@ impl OfFilter {
     fn new(filter: &Heard) -> Self {
         let parameters = filter.layout.blocks().iter().filter(|b| b.role != StateRole::Kinematic);
         let tracks = parameters.flat_map(|block| {
+            let mut value = vec![0.0; block.kind.storage()];
+            block.kind.write_origin(&mut value);
             let blank = FinalState {
                 name: filter.named(&block.name),
                 kind: block.kind,
-                value: vec![0.0; block.kind.storage()],
+                value,
                 sigma: vec![0.0; block.kind.dim()],
                 start_sigma: Vec::new(),
                 covariance: vec![0.0; block.kind.dim() * block.kind.dim()],

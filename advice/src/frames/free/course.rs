@@ -3,7 +3,7 @@
 use fusion::observe::{Heard, RunEvent, RunObserver};
 use fusion_core::filter::Update;
 use fusion_core::runner::{Event, Halt};
-use fusion_core::state::{Belief, Block, Kind};
+use fusion_core::state::{Belief, Block};
 use fusion_core::time::Time;
 
 /// A parameter counts as learnt if its σ falls below this fraction of its initial σ.
@@ -205,7 +205,7 @@ impl Course {
             out
         };
         let base = declared
-            .filter(|d| block.kind != Kind::Attitude && d.len() == initial.len())
+            .filter(|d| block.kind.storage() == block.kind.dim() && d.len() == initial.len())
             .unwrap_or(initial);
         let (difference, way) = (from(last, base), from(last, initial));
         let half = end.seconds_since(*start) / 2.0;
@@ -225,7 +225,7 @@ impl Course {
             .zip(&block.sigma)
             .map(|(d, first)| d.abs() / first.max(f64::MIN_POSITIVE));
         Some(Estimate {
-            value: if block.kind == Kind::Attitude {
+            value: if block.kind.storage() != block.kind.dim() {
                 difference.clone()
             } else {
                 last[block.storage_range()].to_vec()
