@@ -23,7 +23,7 @@ const ROUNDS: usize = 12;
 
 /// Epochs per second of a campaign.
 fn campaign(design: &Design, runs: u64, threads: usize) -> f64 {
-    let campaign = monte_carlo(design, &Options::default(), runs, 1, threads, &|_| {}).expect("the design is sound");
+    let campaign = monte_carlo(design, &Options::default(), 0..runs, 1, threads, &|_| {}).expect("the design is sound");
     campaign.pace.per_second()
 }
 
@@ -31,7 +31,7 @@ fn campaign(design: &Design, runs: u64, threads: usize) -> f64 {
 fn side_by_side(design: &Design, runs: u64) -> f64 {
     let begun = Instant::now();
     let epochs: u64 = std::thread::scope(|scope| {
-        let one = || monte_carlo(design, &Options::default(), runs / 2, 1, 1, &|_| {}).expect("the design is sound");
+        let one = || monte_carlo(design, &Options::default(), 0..runs / 2, 1, 1, &|_| {}).expect("the design is sound");
         let both = [scope.spawn(one), scope.spawn(one)];
         both.map(|thread| thread.join().expect("it does not panic").pace.epochs)
             .iter()

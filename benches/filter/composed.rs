@@ -1,10 +1,10 @@
 //! The filter that is assembled.
 
+use fusion::core::belief::Belief;
 use fusion::core::filter::{Backend, Estimator, Filter, Observed, Verdict};
 use fusion::core::gate::{Gate, Open};
 use fusion::core::loss::{Loss, Quadratic};
 use fusion::core::model::{Input, Measurement, Size};
-use fusion::core::state::Belief;
 use fusion::core::time::Time;
 use std::hint::black_box;
 use std::sync::Arc;

@@ -1,8 +1,9 @@
 //! The filter that an engineer would write by hand.
 
 use crate::composed::{DT, fix, sample};
+use fusion::core::belief::Belief;
 use fusion::core::geometry::so3;
-use fusion::core::state::{Attitude, Belief, Geodetic, Manifold};
+use fusion::core::state::{Attitude, Geodetic, Manifold};
 use fusion::models::earth::Gravity;
 use fusion::models::process::strapdown::{error_model, increments, mechanisation};
 use mechanisation::Nav;

@@ -149,6 +149,7 @@
 //! This crate has no sensor, no file, no clock, no thread, no global generator. A run is a function of
 //! its inputs.
 
+pub mod belief;
 pub mod chart;
 pub mod consistency;
 pub mod covariance;
@@ -164,6 +165,7 @@ pub mod model;
 pub mod runner;
 pub mod smoother;
 pub mod state;
+pub mod stream;
 pub mod testing;
 pub mod time;
 

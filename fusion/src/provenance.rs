@@ -2,10 +2,10 @@
 
 use crate::checkpoint::fingerprint_of_run;
 use crate::design::Design;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The inputs of a run, or of each run of a comparison.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Provenance {
     /// The file of the design, as it was named.
     pub design: String,

@@ -330,7 +330,7 @@ impl Shown<'_, Campaign> {
                 let rms = mean(&|(error, _)| error * error).sqrt();
                 let inside = mean(&|(error, sigma)| f64::from(error.abs() <= 3.0 * sigma));
                 let cells = [Cell::Real(rms), Cell::Real(mean(&|(_, sigma)| sigma)), Cell::Share(inside)];
-                t.row_in(Unit::of_si(block.unit), [Cell::text(axis_name(block, k))].into_iter().chain(cells));
+                t.row_in(Unit::of_si(&block.unit), [Cell::text(axis_name(block, k))].into_iter().chain(cells));
             }
         }
         t

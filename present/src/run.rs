@@ -588,7 +588,7 @@ fn parameters(score: &Score) -> Section {
                 Cell::Share(block.inside[k]),
             ];
             let end = [block.error[k], block.sigma[k]].map(Cell::Real);
-            t.row_in(Unit::of_si(block.unit), [name].into_iter().chain(over).chain(end));
+            t.row_in(Unit::of_si(&block.unit), [name].into_iter().chain(over).chain(end));
         }
     }
     Section::new("Errors of the estimated parameters", [t])

@@ -3,21 +3,26 @@
 use fusion::config::Files;
 
 /// The design that runs if no file is given.
-pub(super) const DESIGN: &str = include_str!("../../configs/ins-gps-outlier.toml");
+pub(super) const DESIGN: &str = include_str!("../../configs/demonstration.toml");
 /// Its name.
-pub(super) const NAME: &str = "ins-gps-outlier.toml (built in)";
+pub(super) const NAME: &str = "demonstration.toml (built in)";
 
-macro_rules! parts {
+macro_rules! files {
     ($($path:literal)*) => {
         &[$(($path, include_str!(concat!("../../configs/", $path)))),*]
     };
 }
 
-/// Every part under configs/parts/, by its path from configs/.
-pub(super) const PARTS: Files = Files::Embedded(FILES);
+/// The files that it includes, by their paths from configs/.
+pub(super) const INCLUDED: Files = Files::Embedded(FILES);
 
-/// The same parts, as data.
-pub(super) const FILES: &[(&str, &str)] = parts! {
+/// Every part under configs/parts/, with its text.
+pub(super) fn parts() -> impl Iterator<Item = &'static (&'static str, &'static str)> {
+    FILES.iter().filter(|(path, _)| path.starts_with("parts/"))
+}
+
+const FILES: &[(&str, &str)] = files! {
+    "ins-gps-outlier.toml"
     "parts/barometer/bmp280.toml"
     "parts/compass/tcm.toml"
     "parts/depth/bar30.toml"
@@ -91,7 +96,7 @@ mod tests {
     fn every_part_is_embedded() {
         let mut there = Vec::new();
         files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/parts"), &mut there);
-        let mut embedded: Vec<&str> = FILES.iter().map(|(path, _)| *path).collect();
+        let mut embedded: Vec<&str> = parts().map(|(path, _)| *path).collect();
         there.sort_unstable();
         embedded.sort_unstable();
         assert_eq!(there, embedded);

@@ -116,7 +116,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             if let Some(n) = args.n {
                 let before = n * campaigns.len() as u64;
                 let told = |done| bar.at(before + done as u64, n * number as u64);
-                campaigns.push((name, monte_carlo(design, &options, n, args.seed.unwrap_or(1), 0, &told)?));
+                campaigns.push((name, monte_carlo(design, &options, 0..n, args.seed.unwrap_or(1), 0, &told)?));
                 continue;
             }
             bar.at(results.len() as u64, number as u64);

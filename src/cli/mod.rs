@@ -10,6 +10,7 @@ mod builtin;
 mod check;
 mod compare;
 mod inspect;
+mod merge;
 mod montecarlo;
 mod new;
 mod progress;
@@ -149,6 +150,16 @@ Examples:
         visible_alias = "mc"
     )]
     Montecarlo(montecarlo::MonteCarloArgs),
+    /// Join the parts of a campaign that several processes or machines have run.
+    ///
+    /// Table and runs.csv are those of one process, for any parts in any order. Parts of another design, seed,
+    /// program or platform are refused, and so are runs that are missing or in two parts.
+    #[command(after_long_help = "\
+Examples:
+  fusion montecarlo drive.toml --runs 0..50 --part a.cbor      on one machine
+  fusion montecarlo drive.toml --runs 50..100 --part b.cbor    on another one
+  fusion merge a.cbor b.cbor --out results")]
+    Merge(merge::MergeArgs),
     /// Run a design under a catalogue of faults, one at a time and in random pairs: does it survive,
     /// and does it report its failures.
     ///
@@ -301,7 +312,7 @@ impl DesignArgs {
     /// The file with the parts it includes.
     fn load(&self) -> Result<Document, Diagnostics> {
         let (name, text, files) = match &self.config {
-            None => (builtin::NAME.to_owned(), builtin::DESIGN.to_owned(), builtin::PARTS),
+            None => (builtin::NAME.to_owned(), builtin::DESIGN.to_owned(), builtin::INCLUDED),
             Some(path) => (path.display().to_string(), read_text(path)?, Files::Disk),
         };
         let mut d = Diagnostics::new();
@@ -425,6 +436,7 @@ pub fn main() -> ExitCode {
         Command::Compare(args) => compare::compare(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Montecarlo(args) => montecarlo::montecarlo(&args),
+        Command::Merge(args) => merge::merge(&args),
         Command::Stress(args) => stress::stress(&args),
         Command::Record(args) => record::record_world(&args),
         Command::Schema => print(&format!("{:#}\n", fusion::schema::design())),

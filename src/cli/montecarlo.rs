@@ -4,13 +4,16 @@ use super::progress::Runs;
 use super::run::written;
 use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
+use core::ops::Range;
+use fusion::config::Diagnostic;
 use fusion::design::Design;
 use fusion::output::FileSet;
 use fusion::run::Options;
 use fusion_judge::campaign::{Campaign, History, RunRow, monte_carlo, monte_carlo_over_time};
 use fusion_present::Shown;
 use fusion_present::report::{Look, Run, record, render, render_campaign, worst_first};
-use std::io::Write;
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// The number of runs with the largest errors whose reports are written.
@@ -23,6 +26,9 @@ pub(super) struct MonteCarloArgs {
     /// The number of runs; 100 by default.
     #[arg(short, alias = "n", value_name = "N", default_value_t = 100, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..))]
     n: u64,
+    /// Runs these numbers only, such as 50..100, of a campaign that starts at 0; the last number is not included.
+    #[arg(long, value_name = "A..B", conflicts_with = "n", value_parser = range)]
+    runs: Option<Range<u64>>,
     /// Seed of the campaign, 1 by default; the seed of each run depends on it and on the number of the run.
     #[arg(long, value_name = "S", default_value_t = 1, hide_default_value = true)]
     seed: u64,
@@ -34,8 +40,20 @@ pub(super) struct MonteCarloArgs {
     /// so on.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Writes the runs to this file, for `fusion merge`.
+    #[arg(long, value_name = "FILE", conflicts_with = "out")]
+    part: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
+}
+
+/// Numbers of runs, from the command line.
+fn range(text: &str) -> Result<Range<u64>, String> {
+    let ends = text
+        .split_once("..")
+        .and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
+    ends.filter(|runs: &Range<u64>| !runs.is_empty())
+        .ok_or_else(|| "write two numbers such as 50..100, the first one smaller".to_owned())
 }
 
 pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
@@ -48,13 +66,19 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
     // Reports files that cannot be written before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let bar = Runs::new();
-    let told = |done| bar.at(done as u64, args.n);
+    let runs = args.runs.clone().unwrap_or(0..args.n);
+    let total = runs.end - runs.start;
+    let told = |done| bar.at(done as u64, total);
     let (campaign, histories) = match args.out {
-        Some(_) => monte_carlo_over_time(&design, &options, args.n, args.seed, args.threads, &told)?,
-        None => (monte_carlo(&design, &options, args.n, args.seed, args.threads, &told)?, Vec::new()),
+        Some(_) => monte_carlo_over_time(&design, &options, runs, args.seed, args.threads, &told)?,
+        None => (monte_carlo(&design, &options, runs, args.seed, args.threads, &told)?, Vec::new()),
     };
     drop(bar);
     let mut page = Shown(&campaign).page();
+    if let Some(path) = &args.part {
+        write_part(&campaign, path)?;
+        page.sections.push(written([path.clone()]));
+    }
     if let (Some(out), Some(mut files)) = (&args.out, files) {
         files.write("runs.csv", |file| campaign.write(file))?;
         let reports = args.pages(&mut files, &design, &options, (&campaign, &histories))?;
@@ -67,6 +91,19 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
         ));
     }
     args.output.print(&page)
+}
+
+/// Writes the campaign to a file: complete, or not at all.
+fn write_part(campaign: &Campaign, path: &Path) -> Result<(), Failure> {
+    let mut partial = path.as_os_str().to_owned();
+    partial.push(".partial");
+    let write = || -> std::io::Result<()> {
+        let mut file = BufWriter::new(File::create(&partial)?);
+        campaign.write_part(&mut file)?;
+        file.into_inner()?.sync_all()?;
+        std::fs::rename(&partial, path)
+    };
+    write().map_err(|e| Failure::Mistakes(Diagnostic::error(format!("`{}` cannot be written: {e}", path.display())).into()))
 }
 
 impl MonteCarloArgs {

@@ -91,8 +91,8 @@ fn add(names: &[String]) -> Result<(), Failure> {
     let mut parts = BTreeMap::new();
     for name in names {
         let path = part_path(name);
-        let Some((_, text)) = builtin::FILES.iter().find(|(known, _)| *known == path) else {
-            let known: Vec<&str> = builtin::FILES.iter().map(|(path, _)| part_name(path)).collect();
+        let Some((_, text)) = builtin::parts().find(|(known, _)| *known == path) else {
+            let known: Vec<&str> = builtin::parts().map(|(path, _)| part_name(path)).collect();
             let unknown = Diagnostic::error(format!("there is no part `{name}`"));
             return Err(Failure::Mistakes(unknown.suggest(name, &known, "parts").into()));
         };
@@ -132,7 +132,7 @@ fn list() -> String {
     };
     let lines: String = Vehicle::value_variants().iter().filter_map(line).collect();
     let mut parts: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for (kind, name) in builtin::FILES.iter().filter_map(|(path, _)| part_name(path).split_once('/')) {
+    for (kind, name) in builtin::parts().filter_map(|(path, _)| part_name(path).split_once('/')) {
         parts.entry(kind).or_default().push(name);
     }
     let parts: String = parts
@@ -160,7 +160,7 @@ fn collect(folder: &Path, text: &str, parts: &mut BTreeMap<PathBuf, &'static str
     };
     for included in paths.iter().filter_map(|path| path.as_str()) {
         let path = folder.join(included);
-        let Some((_, text)) = builtin::FILES.iter().find(|(name, _)| Path::new(name) == path) else {
+        let Some((_, text)) = builtin::parts().find(|(name, _)| Path::new(name) == path) else {
             continue;
         };
         if parts.insert(path.clone(), text).is_none() {

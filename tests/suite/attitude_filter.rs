@@ -2,9 +2,10 @@
 
 use fusion::assembly::{assemble, declared_streams};
 use fusion::config::Document;
+use fusion::core::belief::Belief;
 use fusion::core::geometry::so3;
 use fusion::core::runner::{Event, Row, Runner};
-use fusion::core::state::{Attitude, Belief, Manifold};
+use fusion::core::state::{Attitude, Manifold};
 use fusion::core::time::Time;
 use fusion::design::Design;
 use nalgebra::{UnitQuaternion, Vector3};

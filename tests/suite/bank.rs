@@ -15,7 +15,7 @@ fn ten_runs(file: &str, variants: &[&str], sets: &[&str]) -> Pooled {
     }
     sets.iter().for_each(|set| document.set(set).unwrap());
     let design = Design::read(document).unwrap_or_else(|d| panic!("{d}"));
-    let campaign = monte_carlo(&design, &Options::default(), 10, 1, 0, &|_| {});
+    let campaign = monte_carlo(&design, &Options::default(), 0..10, 1, 0, &|_| {});
     campaign.unwrap_or_else(|d| panic!("{d}")).pooled()
 }
 

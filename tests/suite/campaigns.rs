@@ -30,7 +30,7 @@ fn design(variants: &str, set: &[&str]) -> Design {
 
 /// The campaign of `fusion montecarlo configs/ins-gps-outlier.toml -n 100 --variant …`.
 fn campaign(variants: &str, set: &[&str]) -> Campaign {
-    monte_carlo(&design(variants, set), &Options::default(), RUNS, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
+    monte_carlo(&design(variants, set), &Options::default(), 0..RUNS, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
 }
 
 /// The design without changes.
@@ -251,7 +251,7 @@ fn the_square_of_the_tracked_vehicle_is_driven_in_each_of_fifty_runs() {
 /// The campaign of a design with a vehicle.
 fn steered(file: &str, variants: &[&str], runs: u64) -> Campaign {
     let design = crate::steered::design(file, variants, &[]);
-    monte_carlo(&design, &Options::default(), runs, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
+    monte_carlo(&design, &Options::default(), 0..runs, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
 }
 
 #[test]
@@ -273,7 +273,7 @@ const BEGINNING: &str = "simulation.longest=2000";
 fn the_sea_trial_is_better_with_the_filter_than_without_in_each_of_twenty_runs() {
     let sea_trial = |variants: &[&str]| {
         let design = crate::steered::design("uri-r-sea-trial.toml", variants, &[BEGINNING]);
-        monte_carlo(&design, &Options::default(), 20, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
+        monte_carlo(&design, &Options::default(), 0..20, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
     };
     let chna = sea_trial(&[]);
     for other in ["usbl-only", "hna"] {

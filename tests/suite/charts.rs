@@ -42,7 +42,7 @@ fn loops(chart: &str) -> Campaign {
     assert!(errors.is_empty(), "{errors:?}");
     document.set(&format!("filter.chart={chart}")).unwrap();
     let design = Design::read(document).unwrap_or_else(|d| panic!("{d}"));
-    monte_carlo(&design, &Options::default(), 10, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
+    monte_carlo(&design, &Options::default(), 0..10, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
 }
 
 #[test]

@@ -64,7 +64,7 @@ fn the_first_lines_say_what_the_run_was_and_how_it_went() {
         "velocity",
         "attitude heading",
         "Look at next",
-        "- NEES position",
+        "- NIS of `gps_position`",
         "Sensors",
     ]
     .map(at);

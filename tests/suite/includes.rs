@@ -177,7 +177,7 @@ fn the_built_in_design_finds_its_parts_from_anywhere() {
             .collect::<Vec<_>>()
     };
     let built_in = checked(&[]);
-    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/ins-gps-outlier.toml");
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/demonstration.toml");
     assert_eq!(built_in, checked(&[file]));
 }
 

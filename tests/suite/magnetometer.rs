@@ -63,7 +63,7 @@ fn design(sets: &[&str]) -> Design {
 #[test]
 fn hard_iron_is_found_while_the_body_turns_and_the_heading_is_then_the_true_one() {
     // The simulated body has a magnetic field, drawn with 5 uT per axis; the Earth's field is 50 uT.
-    let campaign = |sets: &[&str]| monte_carlo(&design(sets), &Options::default(), 8, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
+    let campaign = |sets: &[&str]| monte_carlo(&design(sets), &Options::default(), 0..8, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
     let heading = |sets: &[&str]| campaign(sets).spread(|r| r.attitude_rms[2]).unwrap().mean;
     let nees = campaign(&[]).judge(|r| r.nees[2]).unwrap();
     // 8 runs, correlated over a minute each: their band is 2.5 to 3.5. One third more for the nonlinearity of a start

@@ -24,7 +24,7 @@ const SETS: [&str; 3] = [
 fn a_campaign_is_the_same_on_one_thread_and_on_two() {
     let design = design("ins-gps.toml", &SETS);
     let table = |threads| {
-        let campaign = monte_carlo(&design, &Options::default(), 5, 7, threads, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
+        let campaign = monte_carlo(&design, &Options::default(), 0..5, 7, threads, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
         assert_eq!(campaign.pace.threads, threads);
         assert_eq!(campaign.pace.epochs, 5 * campaign.rows[0].epochs);
         let mut table = Vec::new();
@@ -38,7 +38,7 @@ fn a_campaign_is_the_same_on_one_thread_and_on_two() {
 fn what_runs_share_changes_no_bit_of_them() {
     for set in [&SETS[..], &[SETS[0], "process.integrator=\"two_sample\""]] {
         let design = design("ins-gps.toml", set);
-        let campaign = monte_carlo(&design, &Options::default(), 3, 1, 2, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
+        let campaign = monte_carlo(&design, &Options::default(), 0..3, 1, 2, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
         for row in &campaign.rows {
             let options = Options {
                 seed: Some(seed_of(1, row.run)),
@@ -80,4 +80,40 @@ fn lost_runs_are_told_with_their_seeds() {
     let column = runs.lines().next().unwrap().split(',').position(|c| c == "worst_health").unwrap();
     assert!(runs.lines().skip(1).all(|row| row.split(',').nth(column) == Some("lost")), "{runs}");
     assert!(w.read("out/montecarlo.html").contains("health at worst"));
+}
+
+/// The law of parts: any split, in any order, gives the bytes of one process.
+#[test]
+fn parts_of_a_campaign_make_the_whole_in_any_order() {
+    let w = Workspace::new("montecarlo-parts");
+    let design = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/ins-gps.toml");
+    let with = |args: &[&str]| {
+        let sets: Vec<&str> = SETS.iter().flat_map(|set| ["--set", set]).collect();
+        w.fusion(&[&["montecarlo", design, "--seed", "7"], &sets[..], args].concat())
+    };
+    let whole = stdout(&with(&["-n", "5", "--out", "whole"]).success());
+    for (runs, file) in [("0..1", "a"), ("1..4", "b"), ("4..5", "c")] {
+        with(&["--runs", runs, "--part", file]).success();
+    }
+    let merged = stdout(&w.fusion(&["merge", "c", "a", "b", "--out", "merged"]).success());
+    assert_eq!(w.read("whole/runs.csv"), w.read("merged/runs.csv"));
+    // The last lines are the pace and the files.
+    let tables = |page: &str| {
+        page.lines()
+            .take_while(|line| !line.contains("filter epochs in"))
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
+    };
+    assert!(tables(&whole).len() > 20, "{whole}");
+    assert_eq!(tables(&whole), tables(&merged));
+
+    with(&["--set", "run.stop=20", "--runs", "4..5", "--part", "other"]).success();
+    let refused = |files: &[&str]| stderr(&w.fusion(&[&["merge"], files].concat()).failure());
+    assert!(refused(&["a", "b", "other"]).contains("`other`: it belongs to another campaign: its design is"));
+    assert!(refused(&["a", "c"]).contains("runs 1 to 3 are in no part"));
+    assert!(refused(&["a", "b", "a"]).contains("`a`: run 0 is in two parts"));
+    assert!(refused(&[design]).contains("this is no part of a campaign"));
+    let bytes = std::fs::read(w.path("b")).unwrap();
+    std::fs::write(w.path("cut"), &bytes[..bytes.len() / 2]).unwrap();
+    assert!(refused(&["a", "cut"]).contains("`cut`: row 2: the file ends here"));
 }

@@ -39,7 +39,7 @@ fn what_is_written_stands_alone_and_its_filter_knows_its_errors() {
         assert!(!text.contains("../") && !text.contains("NAME.toml"), "{vehicle}");
         let document = Document::load(&w.path("mine.toml")).unwrap_or_else(|d| panic!("{vehicle}: {d}"));
         let design = Design::read(document).unwrap_or_else(|d| panic!("{vehicle}: {d}"));
-        let campaign = monte_carlo(&design, &Options::default(), 5, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{vehicle}: {d}"));
+        let campaign = monte_carlo(&design, &Options::default(), 0..5, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{vehicle}: {d}"));
         for (what, nees) in ["position", "velocity", "attitude"].iter().zip(campaign.pooled().nees) {
             // An error that is constant in a run counts once: five runs with three axes have 15 degrees of freedom, and
             // χ²/15 is within 0.31 … 2.19 with 99 %.
@@ -105,7 +105,7 @@ fn a_walk_of_many_strides_is_known_as_well_as_a_short_one() {
     assert_eq!(text.matches("strides = 20").count(), 3);
     w.write("mine.toml", text.replace("strides = 20", "strides = 90"));
     let design = Design::read(Document::load(&w.path("mine.toml")).unwrap()).unwrap();
-    let campaign = monte_carlo(&design, &Options::default(), 5, 1, 0, &|_| {}).unwrap();
+    let campaign = monte_carlo(&design, &Options::default(), 0..5, 1, 0, &|_| {}).unwrap();
     let [position, _, attitude] = campaign.pooled().nees.map(Option::unwrap);
     // As above. With Φ = I − [ωΔt ×] for the attitude they were 305 and 27 at twice the rate.
     assert!(
@@ -131,7 +131,7 @@ fn the_filters_of_the_variants_of_a_template_know_their_errors() {
             let mut document = Document::load(&w.path("mine.toml")).unwrap();
             variants.iter().for_each(|v| document.overlay(&format!("variant.{v}")).unwrap());
             let design = Design::read(document).unwrap_or_else(|d| panic!("{vehicle}: {d}"));
-            monte_carlo(&design, &Options::default(), 2, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{vehicle}: {d}"))
+            monte_carlo(&design, &Options::default(), 0..2, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{vehicle}: {d}"))
         };
         let (base, changed) = (campaign(&[]), campaign(&[variant]));
         let position = |c: &Campaign| c.spread(|r| r.position_rmse).unwrap().mean;

@@ -9,10 +9,11 @@
 use fusion::Navigator;
 use fusion::assembly::{assemble, declared_streams};
 use fusion::config::Document;
+use fusion::core::belief::Belief;
 use fusion::core::filter::Verdict;
 use fusion::core::geometry::{so3, wgs84::Geodetic};
 use fusion::core::runner::Event;
-use fusion::core::state::{Belief, wrap};
+use fusion::core::state::wrap;
 use fusion::core::time::Time;
 use fusion::design::Design;
 use fusion::models::earth::{Gravity, LocalEarth};
@@ -432,7 +433,7 @@ fn an_inertial_unit_of_1_hz_is_not_believed_more_than_one_of_100_hz() {
     document.set("simulation.imu.rate=1 Hz").unwrap();
     let design = Design::read(document).unwrap_or_else(|d| panic!("{d}"));
     let options = fusion::run::Options::default();
-    let campaign = fusion_judge::campaign::monte_carlo(&design, &options, 6, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
+    let campaign = fusion_judge::campaign::monte_carlo(&design, &options, 0..6, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
     // Expected 3. Without noise for the motion hidden within a second, attitude and velocity have 10 and 12. The rest
     // of the velocity NEES arises when a car starts to pull away or to turn: the sample before does not show this.
     for (k, quantity, most) in [(0, "position", 6.0), (1, "velocity", 9.0), (2, "attitude", 4.0)] {

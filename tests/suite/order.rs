@@ -4,8 +4,8 @@
 use fusion::Navigator;
 use fusion::assembly::{assemble, declared_streams};
 use fusion::config::Document;
+use fusion::core::belief::Belief;
 use fusion::core::runner::{Discard, Event};
-use fusion::core::state::Belief;
 use fusion::core::time::{Time, nanos};
 use fusion::design::Design;
 use fusion::rows::Nobody;

@@ -31,7 +31,7 @@ struct Row {
 
 /// The output of `fusion compare configs/published/FILE --backend BACKEND -n 100`.
 fn table(file: &str, backend: &str) -> Row {
-    let campaign = monte_carlo(&design(file, backend), &Options::default(), 100, 1, 0, &|_| {});
+    let campaign = monte_carlo(&design(file, backend), &Options::default(), 0..100, 1, 0, &|_| {});
     let pooled = campaign.unwrap_or_else(|d| panic!("{backend}: {d}")).pooled();
     let row = Row {
         attitude: pooled.attitude.unwrap(),

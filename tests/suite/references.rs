@@ -301,4 +301,12 @@ source = \"judge\"
         assert_eq!(summary.judged_by.as_deref(), Some("gnss"), "{used} {judging}");
         assert_eq!(summary.judged_by_used_rows, is_used, "{used} {judging}");
     }
+    // Two parts of the log: the filter uses the first one, and the second one judges it.
+    for (stop, start, is_used) in [("20 s", "20 s", false), ("20 s", "15 s", true)] {
+        let mut document = Document::load(&at.path("design.toml")).unwrap();
+        document.set(&format!("source.gnss.time.stop={stop}")).unwrap();
+        document.set(&format!("source.judge.time.start={start}")).unwrap();
+        let design = Design::read(document).unwrap_or_else(|d| panic!("{d}"));
+        assert_eq!(fusion::design::of_a_sensor(&design), Some(("gnss", is_used)), "{stop} {start}");
+    }
 }

@@ -45,7 +45,7 @@ fn every_scene_runs_in_every_variant_and_says_whether_it_converged() {
 
 fn ten_runs(backend: &str) -> Pooled {
     let design = design(&folder().join("range-only.toml"), None, Some(backend));
-    let campaign = monte_carlo(&design, &Options::default(), 10, 1, 0, &|_| {});
+    let campaign = monte_carlo(&design, &Options::default(), 0..10, 1, 0, &|_| {});
     campaign.unwrap_or_else(|d| panic!("{d}")).pooled()
 }
 

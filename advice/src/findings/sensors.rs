@@ -34,7 +34,7 @@ const CERTAIN_MEAN: f64 = 4.0;
 /// Correlated innovations are overweighted by this factor or more: the 1σ of the estimated quantity is then √10 = 3
 /// times too small.
 const COUNTED: f64 = 10.0;
-/// Below this factor the declared noise already covers the correlation. A dozen independent innovations determine the
+/// Between its inverse and this factor the declared noise already covers the correlation. A dozen independent innovations determine the
 /// factor to a factor of two, and the variance of a consistent filter is within [`LARGE`].
 const COVERED: f64 = 2.0 * LARGE;
 /// An error larger than this number of medians is outstanding. For normal errors, the largest of a million is five
@@ -439,11 +439,7 @@ impl Judged<'_> {
         let (name, rho) = (&sensor.name, lag_1(s).filter(|rho| *rho > LASTING)?);
         let own = &s.innovations;
         let fewest = own.independent.iter().copied().reduce(f64::min)?;
-        // White noise with the same information: its density equals that of the error at low frequencies, its variance
-        // times τ.
-        let white = own.rms.iter().zip(&own.independent);
-        let white = white.map(|(rms, n)| rms * (own.count as f64 / n).sqrt()).reduce(f64::max)?;
-        let unit = Unit::of_si(own.unit.first()?);
+        let white = as_white_noise(s)?;
         let find = match sensor.bias {
             Some(Bias::Fixed) => "; then declare its `bias` as a state with a `correlation_time`",
             _ => "",
@@ -457,18 +453,27 @@ impl Judged<'_> {
             ),
             advice: format!(
                 "the 1σ of what it measures is too small by far: {}{find}; if nothing is found wrong, its `noise` as white noise that tells \
-                 as much is {} {}",
+                 as much is {white}",
                 self.look(sensor),
-                short(unit.of(white)),
-                unit.symbol()
             ),
         })
     }
 
-    /// Innovations that are smaller than the filter expects.
+    /// Innovations that are smaller than the filter expects. A small NIS alone says nothing of the noise: an error that
+    /// lasts needs a noise that covers its repetitions. So the noise is too large only if the innovations, with their
+    /// correlation, tell more than it says.
     pub(super) fn small(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let nis = s.nis.as_ref()?;
-        if !self.is_judged_by_innovations(sensor) || !is_small(nis) || is_covered(s) {
+        if !is_small(nis) || is_covered(s) {
+            return None;
+        }
+        let times = counts(s);
+        let is_wide = times.is_none_or(|times| times < 1.0 / COVERED);
+        // If the errors are known and not too large, a designer may have covered an error that the innovations do not
+        // show. Only a noise that nothing explains is then reported.
+        let is_refuted = sensor.measures.and_then(|what| self.nees(what)).is_some_and(is_large);
+        let is_far = !sensor.is_constraint && sensor.measures.is_some() && times.is_some_and(|times| times < 1.0 / FAR);
+        if !(self.is_judged_by_innovations(sensor) || is_far && !is_refuted) {
             return None;
         }
         let name = &sensor.name;
@@ -477,20 +482,26 @@ impl Judged<'_> {
             Some(Bias::Fixed) => "; then declare its `bias` as a state with a `correlation_time`",
             _ => "",
         };
+        let much = match (self.reported(sensor), as_white_noise(s)) {
+            (Some(reported), _) => format!("; {reported}"),
+            (None, Some(white)) => format!("; with their correlation its innovations tell as much as a white `noise` of {white}"),
+            (None, None) => String::new(),
+        };
         let lag_1 = lag_1(s);
         let advice = match lag_1 {
-            Some(rho) if rho > LASTING => format!("{slow}{state}"),
+            Some(rho) if rho > LASTING && !(is_wide && times.is_some()) => format!("{slow}{state}"),
             _ if let Some(mean) = lasting_mean(s) => format!(
                 "{mean}, so an error that lasts is among them, which a smaller `noise` would only follow: first {}",
                 self.look_for_constant(sensor)
             ),
+            _ if !is_wide => format!("{slow}{state}"),
             Some(rho) if rho < WHITE && self.is_recorded => format!(
                 "its `noise`, or that of the process, is larger than need be; a constant error that the estimate has taken over does not \
-                 show in innovations, so before you lower it {}",
+                 show in innovations, so before you lower it {}{much}",
                 self.look_for_constant(sensor)
             ),
-            Some(rho) if rho < WHITE => "its `noise`, or that of the process, is larger than need be".to_owned(),
-            _ => format!("its `noise`, or that of the process, is larger than need be, or {slow}{state}"),
+            Some(rho) if rho < WHITE => format!("its `noise`, or that of the process, is larger than need be{much}"),
+            _ => format!("its `noise`, or that of the process, is larger than need be, or {slow}{state}{much}"),
         };
         let correlated = lag_1.map_or_else(String::new, |rho| format!(", lag-1 autocorrelation {rho:.2}"));
         Some(Finding {
@@ -577,10 +588,23 @@ fn counts(s: &SensorStatistics) -> Option<f64> {
     Some(ratio(s.nis.as_ref()?) * own.count as f64 / fewest)
 }
 
-/// Whether the declared noise already covers the slow errors.
+/// Whether the declared noise is that of white noise with the information of the innovations, to within the factor that
+/// the data can resolve.
 fn is_covered(s: &SensorStatistics) -> bool {
-    let lasts = lag_1(s).is_some_and(|rho| rho > LASTING);
-    lasts && counts(s).is_some_and(|times| times < COVERED)
+    counts(s).is_some_and(|times| (1.0 / COVERED..COVERED).contains(&times))
+}
+
+/// White noise with the same information as the innovations, with its unit: its density equals that of the error at low
+/// frequencies, its variance times τ.
+fn as_white_noise(s: &SensorStatistics) -> Option<String> {
+    let own = &s.innovations;
+    let white = own.rms.iter().zip(&own.independent);
+    let white = white
+        .map(|(rms, n)| rms * (own.count as f64 / n).sqrt())
+        .reduce(f64::max)
+        .filter(|white| white.is_finite())?;
+    let unit = Unit::of_si(own.unit.first()?);
+    Some(format!("{} {}", short(unit.of(white)), unit.symbol()))
 }
 
 /// A significant mean innovation, in words: the row whose mean is furthest from zero in its 1σ.

@@ -321,10 +321,11 @@ impl Inspection {
     }
 }
 
+/// Seconds since 1970 or 1980 are larger in any log of this century.
+const ABSOLUTE: f64 = 6e8;
+
 /// Brings clocks that count since 1970 to GPS time, if other clocks are in GPS time.
 fn bring_to_gps(logs: &mut [Log]) {
-    /// Seconds since 1970 or 1980 are larger in any log of this century.
-    const ABSOLUTE: f64 = 6e8;
     let of_gps = logs.iter().filter_map(|log| log.clock.as_ref()).filter(|c| c.origin == Origin::Gps);
     let spans = of_gps.map(Clock::span);
     let Some(all) = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
@@ -352,8 +353,29 @@ fn bring_together(logs: &mut [Log], track: &Track) {
     }
     let lag = pair::apart(log.stamps(), &rate, imu.gravity, track);
     if let (Some(lag), Some(clock)) = (lag, &mut logs[k].clock) {
-        clock.shift(lag);
+        let stamps = [clock.span().0, track.t.first().copied().unwrap_or(f64::NAN)];
+        clock.shift(leap_seconds(lag, stamps).unwrap_or(lag));
     }
+}
+
+/// The leap seconds between two clocks that show the date, one of them GPS time and one UTC, if they are about `lag`
+/// apart. The rest of the lag is then a delay of the positions. `stamps` is a stamp of each.
+fn leap_seconds(lag: f64, stamps: [f64; 2]) -> Option<f64> {
+    /// Receivers are late by up to half a second, and the search has steps of a quarter.
+    const NEAR: f64 = 0.75;
+    /// 1980-01-06 in Unix time: where GPS time begins.
+    const GPS: f64 = 315_964_800.0;
+    if !stamps.iter().all(|t| *t > ABSOLUTE) {
+        return None;
+    }
+    // A count may be of either time: the leap seconds of both dates.
+    let counts = [stamps[0], stamps[0] + GPS];
+    let leaps = counts
+        .into_iter()
+        .filter_map(|unix| Some(fusion::source::table::gps_of_unix(unix)? - unix + GPS));
+    let near = leaps.filter(|leap| (lag.abs() - leap).abs() <= NEAR);
+    near.min_by(|a, b| (lag.abs() - a).abs().total_cmp(&(lag.abs() - b).abs()))
+        .map(|leap| leap.copysign(lag))
 }
 
 /// The logs of inertial units, the unit with the smallest rates first. Two units on one vehicle turn alike, and the

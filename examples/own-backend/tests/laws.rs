@@ -40,7 +40,7 @@ fn run(parts: Parts) -> (Vec<f64>, Vec<f64>) {
     let (start, assembly) = (nav.belief().unwrap().clone(), nav.assembly());
     let sensor = &assembly.sensors[0].model;
     let mut filter = Filter::of(assembly.layout.clone(), assembly.process.clone(), parts.clone(), Size::same(3));
-    let mut belief = fusion::core::state::Belief::initial(&assembly.layout, &parts.form, start.time);
+    let mut belief = fusion::core::belief::Belief::initial(&assembly.layout, &parts.form, start.time);
     belief.x.clone_from(&start.x);
     for block in assembly.layout.blocks() {
         belief.covariance.set_block(block, &start.covariance.block(block));

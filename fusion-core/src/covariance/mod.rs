@@ -8,14 +8,10 @@
 //! Letters: P covariance (n×n), Φ transition (n×n), Q process noise, H Jacobian (m×n),
 //! S innovation covariance (m×m), K gain (n×m), R measurement noise (m×m).
 
-#[cfg(test)]
-mod accuracy;
 mod array;
 mod dense;
 mod faer;
 mod form;
-#[cfg(test)]
-mod long_runs;
 mod solve;
 mod square_root;
 mod udu;
@@ -285,6 +281,9 @@ impl Covariance {
 
 #[cfg(test)]
 mod tests {
+    mod accuracy;
+    mod long_runs;
+
     use super::*;
     use crate::covariance::FormKind;
     use crate::filter::tests::declare;

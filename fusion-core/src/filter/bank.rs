@@ -15,13 +15,14 @@
 use super::estimator::{Estimator, FilterError, Observed, Rivals, Update, Verdict};
 use super::starts::{headings, is_angle};
 use super::step::Step;
+use crate::belief::Belief;
 use crate::chart::{Body, Chart};
 use crate::consistency::chi_square_quantile;
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Odds, Outcome, log_normal, log_sum};
 use crate::loss::Loss;
 use crate::memory::{self, Memory, Tape};
 use crate::model::Input;
-use crate::state::{Belief, Block, Layout, View};
+use crate::state::{Block, Layout, View};
 use crate::time::Time;
 use core::f64::consts::TAU;
 

@@ -2,12 +2,13 @@
 
 use super::lateness::Lateness;
 use super::step::Step;
+use crate::belief::Belief;
 use crate::gate::{Gate, Mode, Outcome};
 use crate::linear::Jacobian;
 use crate::loss::Loss;
 use crate::memory::Memory;
 use crate::model::{Input, Measurement, Undefined};
-use crate::state::{Belief, Layout, View};
+use crate::state::{Layout, View};
 use crate::time::Time;
 use thiserror::Error;
 

@@ -11,6 +11,7 @@ use super::reacquire::Growing;
 use super::rule::{Innovation, Problem, UpdateRule};
 use super::sigma::Spread;
 use super::step::Step;
+use crate::belief::{Belief, Past};
 use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form, Kernel};
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Outcome};
@@ -18,7 +19,7 @@ use crate::linear::{BlockMatrix, Jacobian, Transition};
 use crate::loss::Loss;
 use crate::memory::{Memory, Tape};
 use crate::model::{Gap, Input, LastInput, Process, SignalBuffer, Size};
-use crate::state::{ALIGNED, Belief, Layout, Past, View};
+use crate::state::{ALIGNED, Layout, View};
 use crate::time::{Time, nanos};
 use std::sync::Arc;
 

@@ -1,6 +1,7 @@
 //! The starts of a bank with an unobserved heading: all round, in even steps.
 
-use crate::state::{Attitude, Belief, Block, Kind, Layout, Manifold, StateRole};
+use crate::belief::Belief;
+use crate::state::{Attitude, Block, Kind, Layout, Manifold, StateRole};
 use core::f64::consts::{PI, TAU};
 use core::ops::Range;
 use nalgebra::{Matrix3, Vector3};

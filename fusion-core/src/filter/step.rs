@@ -1,7 +1,7 @@
 //! Steps as values, for smoothers, ledgers and reports on one update that work without the filter.
 
+use crate::belief::Belief;
 use crate::linear::{BlockMatrix, Jacobian, Transition};
-use crate::state::Belief;
 
 /// One step of the estimator. All matrices are in the canonical chart.
 #[derive(Clone, Debug)]

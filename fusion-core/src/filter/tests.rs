@@ -1,11 +1,12 @@
 use super::*;
+use crate::belief::Belief;
 use crate::chart::Reset;
 use crate::covariance::FormKind;
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Nis, Open, Recovery};
 use crate::linear::{Jacobian, Transition};
 use crate::loss::{Huber, Quadratic};
 use crate::model::{Input, Measurement, Process, Size, Undefined};
-use crate::state::{Attitude, Belief, Declaration, Dynamics, LayoutBuilder, Manifold, Param, Scalar, Slot, StateRole, Vector, View};
+use crate::state::{Attitude, Declaration, Dynamics, LayoutBuilder, Manifold, Param, Scalar, Slot, StateRole, Vector, View};
 use crate::testing::Lcg;
 use crate::time::Time;
 use nalgebra::{DMatrix, Matrix1, SMatrix, SVector};
@@ -426,7 +427,7 @@ fn a_measurement_that_would_take_the_state_off_the_earth_is_unusable() {
         assert_eq!(accept(&mut f, &model, &[1.0], &[1e9]).verdict, Verdict::Accepted);
         let mut belief = f.belief().clone();
         belief.x.copy_from_slice(&x);
-        belief.covariance = crate::state::Belief::initial(f.layout(), belief.covariance.form(), second(0)).covariance;
+        belief.covariance = crate::belief::Belief::initial(f.layout(), belief.covariance.form(), second(0)).covariance;
         f.set_belief(belief);
     }
 }

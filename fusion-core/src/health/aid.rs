@@ -11,9 +11,10 @@
 //! is measured, the motion along that axis is held. The attitude is held by sensors that measure it, and through the
 //! motion by sensors that measure position or velocity.
 
+use crate::belief::Belief;
 use crate::linear::Jacobian;
 use crate::memory::{Memory, Tape};
-use crate::state::{AxisUnit, Belief, Block, Dynamics, Kind, Layout, StateRole};
+use crate::state::{AxisUnit, Block, Dynamics, Kind, Layout, StateRole};
 use crate::time::Time;
 
 /// In a row of H, a share does not count if it is below this fraction of the largest share, or of the innovation's

@@ -3,8 +3,9 @@
 
 use super::pulse::Held;
 use super::{Limits, Reason};
+use crate::belief::{Belief, Past, own_dynamics};
 use crate::memory::{Memory, Tape};
-use crate::state::{AxisUnit, Belief, Block, Dynamics, Layout, Past, StateRole, own_dynamics};
+use crate::state::{AxisUnit, Block, Dynamics, Layout, StateRole};
 use crate::time::Time;
 use std::sync::Arc;
 
@@ -93,7 +94,7 @@ impl Blocks {
 
     /// Whether no axis of the attitude has a 1σ above `allowed`.
     pub(super) fn attitude_within(&self, belief: &Belief, allowed: f64) -> bool {
-        self.layout.is_aligned(belief, allowed)
+        belief.is_aligned(&self.layout, allowed)
     }
 
     /// Judges a belief.

@@ -22,10 +22,10 @@ mod pulse;
 mod tests;
 
 pub use limits::{Floor, Limits};
-pub use monitor::{Monitor, Watched};
+pub use monitor::{Monitor, Sign, Watched};
 
 use crate::memory::{Memory, Tape};
-use crate::runner::StreamId;
+use crate::stream::StreamId;
 use crate::time::Time;
 use core::fmt;
 

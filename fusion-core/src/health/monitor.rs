@@ -1,14 +1,15 @@
-//! The observer that judges a filter's health by its events.
+//! The monitor that judges a filter's health by the signs of its life.
 
 use super::aid::Aid;
 use super::blocks::Blocks;
 use super::evidence::{Evidence, Others};
 use super::pulse::{Held, Pulse};
 use super::{Health, Limits, Reason, State};
-use crate::filter::{Update, Verdict};
+use crate::belief::Belief;
+use crate::filter::{Rivals, Update, Verdict};
 use crate::memory::{Memory, Tape};
-use crate::runner::{Event, StreamId};
-use crate::state::{Belief, Layout};
+use crate::state::Layout;
+use crate::stream::StreamId;
 use crate::time::Time;
 
 /// Beliefs are looked at no more often than this \[s\].
@@ -24,6 +25,46 @@ pub struct Watched {
     pub rows: usize,
     /// Whether its rows come from outside, not from a stage.
     pub is_outside: bool,
+}
+
+/// Something that a monitor hears of its filter.
+#[derive(Clone, Copy, Debug)]
+pub enum Sign<'a> {
+    /// The filter starts from this belief.
+    Started {
+        /// The initial belief.
+        belief: &'a Belief,
+        /// Other beliefs that may be true.
+        rivals: Rivals,
+    },
+    /// The estimate of an epoch.
+    Estimate(&'a Belief),
+    /// A measurement has been offered.
+    Updated {
+        /// The number of the sensor.
+        sensor: usize,
+        /// The measurement, and its outcome.
+        update: &'a Update<'a>,
+        /// Time of validity.
+        time: Time,
+    },
+    /// The input is missing.
+    Coasting {
+        /// Since then.
+        since: Time,
+        /// Now.
+        time: Time,
+    },
+    /// The input is back.
+    Resumed(Time),
+    /// The filter has stopped, and waits for a new start.
+    Stopped(Time),
+    /// The filter has given up.
+    GaveUp(Time),
+    /// A stamp of this stream is ahead of the input.
+    Ahead(StreamId),
+    /// The filter has refused a step.
+    Failed,
 }
 
 /// Judges the health of one filter.
@@ -147,51 +188,45 @@ impl Monitor {
         }
     }
 
-    /// Hears an event. Returns whether the health has changed.
-    pub fn hear(&mut self, event: &Event<'_>) -> bool {
-        let now = match event {
-            Event::Started { belief, rivals } => {
+    /// Hears a sign. Returns true if the health has changed.
+    pub fn hear(&mut self, sign: Sign<'_>) -> bool {
+        let now = match sign {
+            Sign::Started { belief, rivals } => {
                 self.rivals = rivals.apart;
                 self.start(belief)
             }
             // Estimates may be frequent: the others change nothing important within this time.
-            Event::Estimate { belief } if belief.time.seconds_since(self.scrutinised) < PERIOD => return false,
-            Event::Estimate { belief } => self.estimate(belief),
-            Event::Updated { sensor, update, time, .. } => {
-                self.updated(*sensor, *time, update);
-                *time
+            Sign::Estimate(belief) if belief.time.seconds_since(self.scrutinised) < PERIOD => return false,
+            Sign::Estimate(belief) => self.estimate(belief),
+            Sign::Updated { sensor, update, time } => {
+                self.updated(sensor, time, update);
+                time
             }
-            Event::Coasting { since, time } => {
-                self.gap.get_or_insert(*since);
-                *time
+            Sign::Coasting { since, time } => {
+                self.gap.get_or_insert(since);
+                time
             }
-            Event::Resumed { time, .. } => {
+            Sign::Resumed(time) => {
                 self.gap = None;
-                *time
+                time
             }
-            Event::Stopped { time, .. } => {
+            Sign::Stopped(time) => {
                 (self.phase, self.gap) = (Phase::Stopped, None);
-                *time
+                time
             }
-            Event::GaveUp { time, .. } => {
+            Sign::GaveUp(time) => {
                 (self.phase, self.gap) = (Phase::GaveUp, None);
-                *time
+                time
             }
-            Event::Ahead { stream, .. } => {
+            Sign::Ahead(stream) => {
                 // Rows may be held back: the judgement has the time of the rows in use.
-                self.ahead = Some((*stream, self.now));
+                self.ahead = Some((stream, self.now));
                 return false;
             }
-            Event::Failed { .. } => {
+            Sign::Failed => {
                 self.refused.hear(self.now, true);
                 self.now
             }
-            Event::Taken { .. }
-            | Event::Discarded { .. }
-            | Event::Current { .. }
-            | Event::Step(_)
-            | Event::Health { .. }
-            | Event::Nested { .. } => return false,
         };
         self.judge(now)
     }

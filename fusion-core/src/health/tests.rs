@@ -5,12 +5,13 @@ mod parameters;
 mod silence;
 
 use super::*;
+use crate::belief::Belief;
 use crate::covariance::FormKind;
 use crate::filter::{FilterError, Rivals, Update, Verdict};
 use crate::gate::Mode;
 use crate::linear::Jacobian;
 use crate::runner::{Event, RowId};
-use crate::state::{Attitude, Belief, Declaration, Dynamics, Layout, LayoutBuilder, Manifold, Scalar, StateRole, Vector, Velocity};
+use crate::state::{Attitude, Declaration, Dynamics, Layout, LayoutBuilder, Manifold, Scalar, StateRole, Vector, Velocity};
 use nalgebra::{SVector, UnitQuaternion, Vector3};
 
 const POSITION: usize = 0;
@@ -112,7 +113,7 @@ impl Bench {
     }
 
     fn hear(&mut self, event: &Event<'_>) -> bool {
-        self.monitor.hear(event)
+        event.sign().is_some_and(|sign| self.monitor.hear(sign))
     }
 
     fn estimate(&mut self, t: f64) {

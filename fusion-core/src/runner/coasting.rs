@@ -13,7 +13,7 @@ use super::ordering::Runner;
 use super::parts::Emitter;
 use super::rows::Consumer;
 use super::{Event, Halt, Observer};
-use crate::state::Belief;
+use crate::belief::Belief;
 use crate::time::Time;
 
 impl Runner {

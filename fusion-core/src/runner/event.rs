@@ -1,9 +1,9 @@
 //! The runner's reports: typed events, to observers that are independent of each other.
 
+use crate::belief::Belief;
 use crate::filter::{FilterError, Rivals, Step, Update};
 use crate::health::{Health, State};
 use crate::runner::StreamId;
-use crate::state::Belief;
 use crate::time::Time;
 
 /// Why an observer cannot continue; it stops the run.

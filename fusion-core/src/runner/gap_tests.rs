@@ -1,6 +1,7 @@
 //! Gaps, spikes and jumps of the input, with a body on a line whose acceleration is measured at 100 Hz.
 
 use super::*;
+use crate::belief::Belief;
 use crate::filter::tests::{Direct, Track, declare};
 use crate::filter::{Backend, Filter};
 use crate::gate::Open;
@@ -8,7 +9,7 @@ use crate::linear::Transition;
 use crate::loss::Quadratic;
 use crate::memory::{Memory, Tape};
 use crate::model::{Gap, Input, Process, Size};
-use crate::state::{Belief, Block, Declaration, Dynamics, Layout, LayoutBuilder, Scalar, StateRole, View};
+use crate::state::{Block, Declaration, Dynamics, Layout, LayoutBuilder, Scalar, StateRole, View};
 use crate::time::{Time, nanos};
 use nalgebra::Matrix1;
 use std::sync::Arc;

@@ -39,8 +39,7 @@ pub use rows::Row;
 
 use thiserror::Error;
 
-/// The number of a stream, as given by [`Runner::add_stream`].
-pub type StreamId = usize;
+pub use crate::stream::StreamId;
 
 /// A row does not have the width its stream was declared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]

@@ -12,9 +12,10 @@
 //! Events inside are reported to the outer observers as [`Event::Nested`].
 
 use super::{Emitter, Event, Halt, Observer, Row, Runner, Stage, StreamId};
+use crate::belief::Belief;
 use crate::filter::Estimator;
 use crate::geometry::so3;
-use crate::state::{Attitude, Belief, Block, Manifold, View};
+use crate::state::{Attitude, Block, Manifold, View};
 use crate::time::Time;
 use core::ops::Range;
 

@@ -195,13 +195,14 @@ impl Runner {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::belief::Belief;
     use crate::filter::tests::{Direct, Track, declare};
     use crate::filter::{Backend, Filter};
     use crate::gate::{Gate, OnlyWith, Open};
     use crate::loss::Quadratic;
     use crate::model::{Process, Size};
     use crate::runner::{Emitter, Event, Nested, Noise, Outlet, Port, Row, Stage, StageUnit, StreamId};
-    use crate::state::{Belief, Dynamics, LayoutBuilder, Slot, View};
+    use crate::state::{Dynamics, LayoutBuilder, Slot, View};
     use std::sync::Arc;
 
     /// The true delays of the two sensors \[s\].

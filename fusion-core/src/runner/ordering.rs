@@ -13,12 +13,12 @@ use super::rows::{Consumer, Entry, Queue, Row, Rows};
 use super::{
     Discard, Event, Halt, InitialiserUnit, InputLimits, Observer, Port, RowId, RunError, Sensor, StageUnit, StreamId, Tested, WrongWidth,
 };
+use crate::belief::Belief;
 use crate::filter::Estimator;
 use crate::gate::Outcome;
 use crate::health::{Limits, Monitor};
 use crate::memory::save;
 use crate::model::Process;
-use crate::state::Belief;
 use crate::time::{Time, nanos};
 use std::collections::VecDeque;
 use std::sync::Arc;

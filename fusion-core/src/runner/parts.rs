@@ -2,11 +2,12 @@
 
 use super::event::{Event, Halt, Observer};
 use super::{Offset, StreamId};
+use crate::belief::Belief;
 use crate::gate::Gate;
 use crate::loss::Loss;
 use crate::memory::Memory;
 use crate::model::Measurement;
-use crate::state::{Belief, Layout, View};
+use crate::state::{Layout, View};
 use crate::time::Time;
 use core::fmt::Debug;
 use std::sync::Arc;

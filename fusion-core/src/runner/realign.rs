@@ -11,10 +11,11 @@
 use super::ordering::Runner;
 use super::restart::copy;
 use super::{Halt, Observer};
+use crate::belief::Belief;
 use crate::consistency::chi_square_quantile;
 use crate::covariance::{cholesky, solve_lower};
 use crate::memory::{Memory, Tape};
-use crate::state::{ALIGNED, Belief, Block};
+use crate::state::{ALIGNED, Block};
 use crate::time::Time;
 
 /// The largest 1σ of an attitude that still counts as aligned \[rad\].
@@ -51,7 +52,7 @@ impl Runner {
     pub(super) fn watch_attitude(&mut self) {
         let can_align = self.initialisers.iter().any(|u| !u.inputs.is_empty());
         let (layout, belief) = (self.estimator.layout(), self.estimator.belief());
-        if self.realign.is_due || !can_align || !self.estimator.keeps_covariance() || layout.is_aligned(belief, LOST) {
+        if self.realign.is_due || !can_align || !self.estimator.keeps_covariance() || belief.is_aligned(layout, LOST) {
             return;
         }
         self.begin_anew();
@@ -71,10 +72,10 @@ impl Runner {
             .filter(|u| !u.inputs.is_empty() && u.initialiser.waits_for().is_none());
         ready.for_each(|u| u.initialiser.write(time, layout, trial));
         let is_written = layout.orientations().any(|block| !is_same(block, belief, trial));
-        let is_found = is_written && layout.is_aligned(trial, LOST) && layout.is_sane(&trial.x);
+        let is_found = is_written && trial.is_aligned(layout, LOST) && layout.is_sane(&trial.x);
         if is_found {
             self.realign.is_due = false;
-            let is_known = layout.is_aligned(belief, ALIGNED) && layout.orientations().all(|block| agree(block, belief, trial));
+            let is_known = belief.is_aligned(layout, ALIGNED) && layout.orientations().all(|block| agree(block, belief, trial));
             if !is_known {
                 self.tell_epoch(observer)?;
                 self.estimator.renew(trial);

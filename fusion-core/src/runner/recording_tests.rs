@@ -1,6 +1,7 @@
 //! Recordings one after the other, for a process without input.
 
 use super::*;
+use crate::belief::Belief;
 use crate::filter::tests::{Direct, declare};
 use crate::filter::{Backend, Filter};
 use crate::gate::Open;
@@ -8,7 +9,7 @@ use crate::linear::Transition;
 use crate::loss::Quadratic;
 use crate::memory::{Memory, Tape};
 use crate::model::{Input, Process, Size};
-use crate::state::{Belief, Declaration, Dynamics, Layout, LayoutBuilder, Scalar, Slot, StateRole};
+use crate::state::{Declaration, Dynamics, Layout, LayoutBuilder, Scalar, Slot, StateRole};
 use crate::time::Time;
 use nalgebra::Matrix1;
 use std::sync::Arc;

@@ -9,9 +9,9 @@
 
 use super::ordering::Runner;
 use super::{Event, Halt, Observer};
+use crate::belief::Belief;
 use crate::health::State;
 use crate::memory::{Memory, Tape};
-use crate::state::Belief;
 use crate::time::{Time, nanos};
 
 /// The interval between two noted beliefs \[ns\]: a contradiction is reported sooner.

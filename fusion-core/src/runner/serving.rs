@@ -5,10 +5,11 @@ use super::intake::{Intake, Sample, Suspect, Taken};
 use super::ordering::{PROCESS, Runner, Waiting};
 use super::rows::{Consumer, Entry};
 use super::{Discard, Event, Halt, Observer, RowId};
+use crate::belief::Belief;
 use crate::filter::{FilterError, Observed, Verdict};
 use crate::gate::Outcome;
 use crate::model::Input;
-use crate::state::{Belief, Layout, StateRole};
+use crate::state::{Layout, StateRole};
 use crate::time::Time;
 
 impl Runner {

@@ -1,7 +1,7 @@
 //! The runner's own health: every event passes its monitor on the way to the observer.
 
 use super::{Event, Halt, Observer, Row, RunError, Runner, StreamId};
-use crate::health::{Health, Limits, Monitor, State, Watched};
+use crate::health::{Health, Limits, Monitor, Sign, State, Watched};
 use crate::time::Time;
 
 /// Lets a monitor hear every event first, and reports the changes of the health.
@@ -19,7 +19,7 @@ impl Watch<'_, '_> {
 
 impl Observer for Watch<'_, '_> {
     fn on(&mut self, event: &Event<'_>) -> Result<(), Halt> {
-        let has_changed = self.monitor.hear(event);
+        let has_changed = event.sign().is_some_and(|sign| self.monitor.hear(sign));
         self.observer.on(event)?;
         if has_changed {
             let health = self.monitor.health();
@@ -34,6 +34,36 @@ impl Observer for Watch<'_, '_> {
 
     fn health(&self) -> Option<State> {
         Some(self.monitor.health().state)
+    }
+}
+
+impl Event<'_> {
+    /// The sign of it for a monitor, if it says something about the health.
+    pub(crate) fn sign(&self) -> Option<Sign<'_>> {
+        Some(match self {
+            Self::Started { belief, rivals } => Sign::Started { belief, rivals: *rivals },
+            Self::Estimate { belief } => Sign::Estimate(belief),
+            Self::Updated { sensor, update, time, .. } => Sign::Updated {
+                sensor: *sensor,
+                update,
+                time: *time,
+            },
+            Self::Coasting { since, time } => Sign::Coasting {
+                since: *since,
+                time: *time,
+            },
+            Self::Resumed { time, .. } => Sign::Resumed(*time),
+            Self::Stopped { time, .. } => Sign::Stopped(*time),
+            Self::GaveUp { time, .. } => Sign::GaveUp(*time),
+            Self::Ahead { stream, .. } => Sign::Ahead(*stream),
+            Self::Failed { .. } => Sign::Failed,
+            Self::Taken { .. }
+            | Self::Discarded { .. }
+            | Self::Current { .. }
+            | Self::Step(_)
+            | Self::Health { .. }
+            | Self::Nested { .. } => return None,
+        })
     }
 }
 

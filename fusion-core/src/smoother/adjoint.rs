@@ -2,12 +2,13 @@
 
 use super::link::Link;
 use super::record::Kept;
+use crate::belief::Belief;
 use crate::chart::{Chart, Reset};
 use crate::covariance::axpy;
 use crate::filter::Parts;
 use crate::linear::{BlockMatrix, padded};
 use crate::memory::{Memory, Tape};
-use crate::state::{Belief, Layout};
+use crate::state::Layout;
 use std::sync::Arc;
 
 /// λ and Λ at an instant, and the memory to move them.

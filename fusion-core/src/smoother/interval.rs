@@ -4,9 +4,10 @@ use super::adjoint::{Adjoint, Corrector};
 use super::link::Link;
 use super::record::{Kept, Kind, Reader, Unreadable, empty};
 use super::tape::Tape;
+use crate::belief::Belief;
 use crate::filter::Parts;
 use crate::runner::Halt;
-use crate::state::{Belief, Layout};
+use crate::state::Layout;
 use std::sync::Arc;
 
 /// Smooths by all data of a log.

@@ -9,11 +9,12 @@
 use super::adjoint::{Adjoint, Corrector, identity};
 use super::link::Link;
 use super::record::{Kept, empty};
+use crate::belief::Belief;
 use crate::filter::Parts;
 use crate::linear::padded;
 use crate::memory::{Memory, Tape};
 use crate::runner::Halt;
-use crate::state::{Belief, Layout};
+use crate::state::Layout;
 use crate::time::Time;
 use std::collections::VecDeque;
 use std::sync::Arc;

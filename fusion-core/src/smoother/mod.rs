@@ -30,7 +30,7 @@
 //!
 //! Where a variance falls by more than 15 orders of magnitude, only the rounding of P is left of it.
 //! The covariance may then have a negative variance, and
-//! [`is_sound`](crate::state::Belief::is_sound) returns false.
+//! [`is_sound`](crate::belief::Belief::is_sound) returns false.
 //!
 //! A restarted filter has no information about earlier errors. So every start begins a new piece, and
 //! each piece is smoothed separately. Φ and H are the filter's own, taken at its estimates.

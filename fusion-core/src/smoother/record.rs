@@ -1,8 +1,8 @@
 //! The records that smoothing keeps of a run, as bytes.
 
+use crate::belief::Belief;
 use crate::covariance::{Covariance, Form, FormKind};
 use crate::model::LastInput;
-use crate::state::Belief;
 use crate::time::Time;
 use std::sync::Arc;
 use thiserror::Error;

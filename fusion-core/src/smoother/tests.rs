@@ -1,5 +1,6 @@
 use super::record::{Kept, Kind, Reader, put};
 use super::*;
+use crate::belief::Belief;
 use crate::chart::{Biases, Body, Chart, Reset, Side};
 use crate::covariance::FormKind;
 use crate::filter::tests::{Direct, Still, Track, declare, second};
@@ -11,7 +12,7 @@ use crate::loss::{Huber, Quadratic};
 use crate::memory::{self, Memory};
 use crate::model::{Input, Measurement, Size, Undefined};
 use crate::runner::Halt;
-use crate::state::{Attitude, Belief, Dynamics, Geodetic, Layout, LayoutBuilder, Scalar, Slot, Vector, Velocity, View};
+use crate::state::{Attitude, Dynamics, Geodetic, Layout, LayoutBuilder, Scalar, Slot, Vector, Velocity, View};
 use crate::testing::Lcg;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use std::sync::Arc;

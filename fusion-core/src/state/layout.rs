@@ -1,6 +1,5 @@
 //! The layout of the state vector: which blocks there are, who declares them, where they lie.
 
-use super::belief::Belief;
 use super::manifold::{Kind, Manifold, Vector, is_rotation};
 use super::name::QuantityName;
 use super::quantity::{Quantity, Signal, Slot};
@@ -235,12 +234,6 @@ impl Layout {
     pub(crate) fn orientations(&self) -> impl Iterator<Item = &Block> {
         let motion = self.blocks.iter().filter(|b| b.role == StateRole::Kinematic);
         motion.filter(|b| b.kind.is_orientation())
-    }
-
-    /// Whether no axis of the orientations has a greater 1σ \[rad\].
-    pub(crate) fn is_aligned(&self, belief: &Belief, sigma: f64) -> bool {
-        let mut variances = self.orientations().flat_map(|b| belief.covariance.variances(b));
-        variances.all(|variance| variance <= sigma * sigma)
     }
 
     /// x ← x ⊞ δ over all blocks.

@@ -7,6 +7,6 @@ mod reason;
 mod record;
 
 pub use fusion_core::health::{Health, State};
-pub use reason::word;
 pub use reason::{NamedReason, Names};
+pub use reason::{from_word, word};
 pub use record::{FilterHealth, HealthRecord, Spell, Spent, Transition};

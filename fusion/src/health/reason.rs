@@ -5,7 +5,8 @@ use crate::observe::Heard;
 use core::fmt;
 use fusion_core::health::{Reason, State};
 use fusion_core::memory::{Memory, Tape};
-use serde::{Serialize, Serializer};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A reason for the health of a filter, in the names of the design.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -95,6 +96,16 @@ impl fmt::Display for NamedReason {
 /// A state as its word.
 pub fn word<S: Serializer>(state: &State, s: S) -> Result<S::Ok, S::Error> {
     s.serialize_str(state.word())
+}
+
+/// A state from its word.
+///
+/// # Errors
+/// An error if the word does not name a state.
+pub fn from_word<'de, D: Deserializer<'de>>(d: D) -> Result<State, D::Error> {
+    let word = String::deserialize(d)?;
+    let named = State::ALL.into_iter().find(|state| state.word() == word);
+    named.ok_or_else(|| D::Error::custom(format!("`{word}` is no state of health")))
 }
 
 /// The names of a filter's sensors, blocks and streams, by number.

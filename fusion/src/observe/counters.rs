@@ -1,9 +1,10 @@
 //! Counts of a run: its start, its epochs, unused rows, failures.
 
 use super::{Heard, RunEvent, RunObserver};
+use fusion_core::belief::Belief;
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt};
-use fusion_core::state::{Belief, StateRole};
+use fusion_core::state::StateRole;
 
 /// The name of the process as a consumer.
 const PROCESS: &str = "process";

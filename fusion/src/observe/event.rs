@@ -4,9 +4,9 @@ use super::Heard;
 use crate::rows::Row;
 use crate::score::{EpochError, ReferenceEpoch};
 use crate::solution::Solved;
+use fusion_core::belief::Belief;
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
-use fusion_core::state::Belief;
 
 /// An event for the observers of a run.
 #[derive(Debug)]

@@ -1,10 +1,11 @@
 //! The parameters of the filters inside stages, at the end of a run.
 
 use super::{Filters, Heard, RunEvent, RunObserver};
+use fusion_core::belief::Belief;
 use fusion_core::covariance::FormKind;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::Halt;
-use fusion_core::state::{Belief, Dynamics, Kind, Layout, StateRole};
+use fusion_core::state::{Dynamics, Kind, Layout, StateRole};
 use fusion_core::time::Time;
 use serde::Serialize;
 

@@ -15,11 +15,12 @@
 use super::page::Page;
 use super::{Filters, Heard, RunEvent, RunObserver};
 use core::ops::Range;
+use fusion_core::belief::Belief;
 use fusion_core::consistency::chi_square_quantile;
 use fusion_core::filter::{Update, Verdict};
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
-use fusion_core::state::{Belief, Block, Dynamics, Kind, StateRole};
+use fusion_core::state::{Block, Dynamics, Kind, StateRole};
 use fusion_core::time::Time;
 use serde::Serialize;
 use std::sync::Arc;

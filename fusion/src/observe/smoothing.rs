@@ -9,11 +9,11 @@
 //! The estimates asked for are those with a row in the file, and those on both sides of an epoch of the reference.
 
 use super::{Hub, RunEvent, RunObserver, Thinning};
+use fusion_core::belief::Belief;
 use fusion_core::filter::Step;
 use fusion_core::memory::{self, Memory};
 use fusion_core::runner::{Event, Halt, Observer};
 use fusion_core::smoother::{FixedInterval, FixedLag, Link, Tape};
-use fusion_core::state::Belief;
 use fusion_core::time::Time;
 use std::collections::VecDeque;
 

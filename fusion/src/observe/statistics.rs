@@ -9,7 +9,7 @@ use fusion_core::gate::Mode;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt, StreamId};
 use fusion_core::time::Time;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The maximum number of re-acquisition times that are kept.
 const REACQUIRED: usize = 10;
@@ -18,7 +18,7 @@ const REACQUIRED: usize = 10;
 ///
 /// Only numbers that the sensor itself reads count: its channel, and the 1σ in the same row. The output of a stage for
 /// a disturbed row does not count as disturbed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Disturbed {
     /// Disturbed rows that were used.
     pub missed: u64,
@@ -29,7 +29,7 @@ pub struct Disturbed {
 }
 
 /// Consecutive rejected measurements.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RejectionStreak {
     /// Time of the first \[s\].
     pub from: f64,
@@ -41,12 +41,12 @@ pub struct RejectionStreak {
 
 /// The innovations r = z ⊟ h(x̂) of accepted measurements: sensor minus estimate before the update. They count from
 /// `[reference] from` on, if the design has it.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Innovations {
     /// Measurements counted.
     pub count: u64,
     /// Name of each residual row; empty if they have no names.
-    pub axis: &'static [&'static str],
+    pub axis: Vec<String>,
     /// SI unit per residual row.
     pub unit: Vec<String>,
     /// Root mean square per residual row; 0 if no measurement is counted.
@@ -68,7 +68,7 @@ pub struct Innovations {
 }
 
 /// The outcomes of a sensor's measurements.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SensorStatistics {
     /// The sensor.
     pub name: String,
@@ -271,7 +271,7 @@ impl Follower {
                 name: sensor.name.clone(),
                 innovations: Innovations {
                     count: 0,
-                    axis: sensor.axes,
+                    axis: sensor.axes.iter().map(|axis| (*axis).to_owned()).collect(),
                     unit: sensor.rows.iter().map(ToString::to_string).collect(),
                     rms: vec![0.0; m],
                     max: vec![0.0; m],

@@ -2,10 +2,11 @@
 
 use super::Cells;
 use crate::solution::{Solution, sigmas};
+use fusion_core::belief::Belief;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::memory::{Memory, Tape};
-use fusion_core::state::{Attitude, Belief, Block, Kind, Layout, Manifold};
+use fusion_core::state::{Attitude, Block, Kind, Layout, Manifold};
 use fusion_models::earth::LocalFrame;
 use fusion_models::vocabulary::state;
 use nalgebra::Vector3;

@@ -3,10 +3,10 @@
 use super::Summary;
 use crate::design::Design;
 use core::fmt;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Something that a designer should look at.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finding {
     /// The subject: a sensor, a source, or a NEES.
     pub about: String,

@@ -6,9 +6,9 @@ use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::{By, EstimateFile, FilterScore, Hub, Smoother};
+use fusion_core::belief::Belief;
 use fusion_core::filter::Parts;
 use fusion_core::smoother::{FixedInterval, FixedLag, Shelf, Tape};
-use fusion_core::state::Belief;
 use fusion_core::time::nanos;
 
 /// The data used to smooth a run.

@@ -2,20 +2,22 @@
 
 use super::Consistency;
 use super::nees::{NeesSeries, nees};
-use fusion_core::state::{Belief, Block, Dynamics, Layout, StateRole};
+use fusion_core::belief::Belief;
+use fusion_core::state::{Block, Dynamics, Layout, StateRole};
 use fusion_core::time::Time;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// The score of a block, for each axis of its tangent space and in its unit.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BlockScore {
     /// The block.
     pub name: String,
     /// True if it is a parameter or a sensor error, which the process does not move.
     pub is_parameter: bool,
     /// Unit of a tangent coordinate, SI.
-    pub unit: &'static str,
+    pub unit: Cow<'static, str>,
     /// Root mean square of the error.
     pub rms: Vec<f64>,
     /// Mean of the filter's own 3σ.
@@ -140,7 +142,7 @@ impl Follower {
         (count > 0.0).then(|| BlockScore {
             name: block.name,
             is_parameter: block.role != StateRole::Kinematic,
-            unit: block.unit,
+            unit: block.unit.into(),
             rms: list((self.squares / count).map(f64::sqrt)),
             three_sigma: list(self.sigmas * (3.0 / count)),
             inside: list(self.inside.component_div(&self.estimated)),

@@ -13,7 +13,7 @@
 
 use super::Series;
 use fusion_core::consistency::mean_band;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The probability of the band of a mean statistic.
 const BAND: f64 = 0.95;
@@ -58,7 +58,7 @@ impl Verdict {
 }
 
 /// The mean of a χ² statistic with the band that a consistent filter stays in.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Consistency {
     /// Mean over all samples.
     pub mean: f64,

@@ -15,11 +15,11 @@ use super::comparison::Deviation;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::time::Time;
 use fusion_models::fault::{Repeated, Window, Windows};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// The drift over one outage.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Drift {
     /// Start of the outage \[s\].
     pub from: f64,
@@ -42,7 +42,7 @@ pub struct Drift {
 }
 
 /// A measurement that moved the estimate.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Moved {
     /// The sensor.
     pub sensor: String,

@@ -8,10 +8,10 @@ use super::nees::NeesSeries;
 use super::{Axes, Consistency};
 use crate::score::scorer::Sums;
 use fusion_models::fault::Windows;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The score of a part of a run.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct PartScore {
     /// Epochs with a position in it.
     pub epochs: usize,
@@ -25,7 +25,7 @@ pub struct PartScore {
 }
 
 /// The score in the declared episodes and outside them.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Episodes {
     /// Inside any episode.
     pub during: PartScore,

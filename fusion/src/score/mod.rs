@@ -36,10 +36,10 @@ pub use series::Series;
 pub use trajectory::{Trajectory, TrajectoryRules};
 pub use travelled::Travelled;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// RMS, mean and largest magnitude per axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Axes {
     /// Root mean square.
     pub rms: [f64; 3],

@@ -1,9 +1,10 @@
 //! Reading the solution out of beliefs.
 
 use super::{Solution, Solved};
+use fusion_core::belief::Belief;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Process, SignalBuffer};
-use fusion_core::state::{Attitude, Belief, Layout, Manifold, Quantity, Tangent, Velocity};
+use fusion_core::state::{Attitude, Layout, Manifold, Quantity, Tangent, Velocity};
 use fusion_models::vocabulary::state;
 use nalgebra::Matrix3;
 use std::sync::Arc;

@@ -4,7 +4,7 @@ use super::{Solution, SolutionReader};
 use core::cell::{OnceCell, RefCell};
 use core::fmt;
 use core::ops::Deref;
-use fusion_core::state::Belief;
+use fusion_core::belief::Belief;
 
 /// The solution of a belief. It has been read, or is when it is looked at for the first time.
 pub struct Solved<'a>(Reading<'a>);

@@ -1,8 +1,9 @@
 //! How the body turns between two estimates.
 
+use fusion_core::belief::Belief;
 use fusion_core::geometry::so3;
 use fusion_core::model::{Input, Process, SignalBuffer};
-use fusion_core::state::{Attitude, Belief, Layout, Quantity};
+use fusion_core::state::{Attitude, Layout, Quantity};
 use fusion_core::time::Time;
 use fusion_models::vocabulary::state;
 use nalgebra::{UnitQuaternion, Vector3};

@@ -1,10 +1,13 @@
 //! Many runs: Monte Carlo over seeds.
 
 mod history;
+mod part;
 mod runs;
 
 pub use history::{History, Together, together};
+pub use part::Unreadable;
 
+use core::ops::Range;
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::design::Design;
 use fusion::health::{FilterHealth, State};
@@ -15,13 +18,13 @@ use fusion::run::{Options, Smoothing, Summary, run_sharing};
 use fusion::score::{Axes, BlockScore, Consistency, Convergence, Drift, Episodes, median};
 use fusion_models::sim::{Record, SharedCourse};
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 /// The result of one Monte Carlo run. It has no timing, so that it is a function of its seed. An error without a
 /// reference is NaN.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RunRow {
     /// Its number.
     pub run: u64,
@@ -64,19 +67,18 @@ pub struct RunRow {
     /// The drift in each declared outage.
     pub drift: Vec<Drift>,
     /// The findings, most important first.
-    #[serde(skip)]
     pub findings: Vec<Finding>,
 }
 
 /// The health that the filter of a run reported.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct RunHealth {
     /// The worst state since the filter was good for the first time; for a filter that never was good, the worst of
     /// all.
-    #[serde(serialize_with = "fusion::health::word")]
+    #[serde(serialize_with = "fusion::health::word", deserialize_with = "fusion::health::from_word")]
     pub worst: State,
     /// The state at the end.
-    #[serde(serialize_with = "fusion::health::word")]
+    #[serde(serialize_with = "fusion::health::word", deserialize_with = "fusion::health::from_word")]
     pub at_the_end: State,
     /// Share of the time in a state worse than aligning.
     pub ill: f64,
@@ -150,6 +152,11 @@ pub struct Campaign {
     pub provenance: Provenance,
     /// The line with which the design describes itself.
     pub description: String,
+    /// Whether its data are simulated.
+    pub is_simulated: bool,
+    /// The kernel that computed, and the architecture and system that it ran on: results are equal to the bit for
+    /// equal ones only.
+    pub platform: String,
 }
 
 /// The speed of the whole campaign: simulating or reading the data, filtering, scoring.
@@ -183,7 +190,7 @@ pub enum Independence {
 }
 
 impl Independence {
-    fn of(design: &Design, rows: &[RunRow]) -> Self {
+    fn of(is_simulated: bool, rows: &[RunRow]) -> Self {
         let is_same = |row: &RunRow| {
             let compared = RunRow {
                 run: rows[0].run,
@@ -195,7 +202,7 @@ impl Independence {
         };
         match rows {
             [_, others @ ..] if !others.is_empty() && others.iter().all(is_same) => Self::Identical,
-            _ if design.simulation.is_none() => Self::SharedLog,
+            _ if !is_simulated => Self::SharedLog,
             _ => Self::Full,
         }
     }
@@ -207,21 +214,21 @@ pub fn seed_of(seed: u64, run: u64) -> u64 {
     fusion_models::fault::derive_seed(seed, &["run", &run.to_string()])
 }
 
-/// Runs the design `count` times, each time with its own seed, on `threads` threads (0: one per core). The rows do not
-/// depend on the number of threads.
+/// Runs the design once for each number of `runs`, each time with its own seed, on `threads` threads (0: one per core).
+/// A row depends on the seed and the number of its run only: not on the number of threads, nor on the other runs.
 ///
 /// # Errors
 /// The diagnostics of the first failing run.
 pub fn monte_carlo(
     design: &Design,
     options: &Options,
-    count: u64,
+    runs: Range<u64>,
     seed: u64,
     threads: usize,
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Campaign, Diagnostics> {
     let nothing = |_: &Design| None;
-    Ok(runs_of(design, options, (count, seed), threads, progress, nothing)?.0)
+    Ok(runs_of(design, options, (runs, seed), threads, progress, nothing)?.0)
 }
 
 /// The same, with the errors of every run over time.
@@ -231,20 +238,20 @@ pub fn monte_carlo(
 pub fn monte_carlo_over_time(
     design: &Design,
     options: &Options,
-    count: u64,
+    runs: Range<u64>,
     seed: u64,
     threads: usize,
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<(Campaign, Vec<History>), Diagnostics> {
     let history = |design: &Design| Some(History::new(design));
-    runs_of(design, options, (count, seed), threads, progress, history)
+    runs_of(design, options, (runs, seed), threads, progress, history)
 }
 
 /// The runs, and the histories that are wanted.
 fn runs_of(
     design: &Design,
     options: &Options,
-    (count, seed): (u64, u64),
+    (numbers, seed): (Range<u64>, u64),
     threads: usize,
     progress: &(dyn Fn(usize) + Sync),
     history: impl Fn(&Design) -> Option<History> + Sync,
@@ -270,22 +277,31 @@ fn runs_of(
         progress(done.fetch_add(1, Ordering::Relaxed) + 1);
         Ok((RunRow::new(number, seed, &summary), history))
     };
-    let runs: Result<Vec<_>, Diagnostics> = pool.install(|| (0..count).into_par_iter().map(one).collect());
+    let runs: Result<Vec<_>, Diagnostics> = pool.install(|| numbers.into_par_iter().map(one).collect());
     let (rows, histories): (Vec<RunRow>, Vec<Option<History>>) = runs?.into_iter().unzip();
     let pace = Pace {
         epochs: rows.iter().map(|row| row.epochs).sum(),
         seconds: begun.elapsed().as_secs_f64(),
         threads: pool.current_num_threads(),
     };
-    let independence = Independence::of(design, &rows);
+    let is_simulated = design.simulation.is_some();
+    let independence = Independence::of(is_simulated, &rows);
     let campaign = Campaign {
         rows,
         independence,
         pace,
         provenance: Provenance::of(design, Some(seed)),
         description: design.run.description.clone(),
+        is_simulated,
+        platform: platform(design),
     };
     Ok((campaign, histories.into_iter().flatten().collect()))
+}
+
+/// Kernel, architecture and operating system.
+fn platform(design: &Design) -> String {
+    let kernel = design.filter.kernel.unwrap_or_default().name();
+    format!("{kernel} {} {}", std::env::consts::ARCH, std::env::consts::OS)
 }
 
 /// Two campaigns run by run.

@@ -12,8 +12,9 @@ pub mod levelling;
 
 use crate::earth::LocalFrame;
 use crate::vocabulary::state;
+use fusion_core::belief::Belief;
 use fusion_core::geometry::{so3, wgs84};
-use fusion_core::state::{Angle, Attitude, Belief, Geodetic, Kind, Layout, Manifold, Position, Velocity};
+use fusion_core::state::{Angle, Attitude, Geodetic, Kind, Layout, Manifold, Position, Velocity};
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// Writes a geodetic position to the block `position`, or `local_position` about `origin`.

@@ -4,10 +4,10 @@ use super::control::Goal;
 use fusion_core::Time;
 use fusion_core::geometry::so3::wrap_angle;
 use nalgebra::Vector2;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// One task as it was carried out. Errors are true minus wanted.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Leg {
     /// The task.
     pub name: String,
@@ -24,7 +24,7 @@ pub struct Leg {
 }
 
 /// Errors over a leg.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
     /// Root of the mean square.
     pub rms: f64,
@@ -35,7 +35,7 @@ pub struct Errors {
 }
 
 /// Errors of a heading over a leg \[rad\].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeadingErrors {
     /// The heading wanted at last.
     pub wanted: f64,
@@ -135,7 +135,7 @@ impl Running {
 }
 
 /// A mission as it was carried out.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// The tasks, in order.
     pub legs: Vec<Leg>,

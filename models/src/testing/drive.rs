@@ -4,13 +4,14 @@
 use super::{Bench, build, state, steady};
 use crate::block::SensorSpec;
 use crate::registry::{self, Role};
+use fusion_core::belief::Belief;
 use fusion_core::filter::{Backend, Estimator, Filter, Observed, Verdict};
 use fusion_core::gate::{Gate, Nis, Recovery};
 use fusion_core::loss::Quadratic;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::model::{Input, Measurement, Process, SignalBuffer, Size};
 use fusion_core::runner::{Event, Noise, Port, Row, Runner, Sensor};
-use fusion_core::state::{Belief, Layout};
+use fusion_core::state::Layout;
 use fusion_core::testing::{Lcg, check_memory};
 use fusion_core::time::Time;
 use std::sync::Arc;

@@ -5,8 +5,9 @@ use super::{Bench, build};
 use crate::block::InitialiserSpec;
 use crate::registry::{self, Registration, Role};
 use crate::vocabulary::state;
+use fusion_core::belief::Belief;
 use fusion_core::covariance::FormKind;
-use fusion_core::state::{Belief, Layout};
+use fusion_core::state::Layout;
 use fusion_core::testing::{Lcg, check_memory};
 use fusion_core::time::Time;
 

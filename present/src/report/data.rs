@@ -614,7 +614,7 @@ mod tests {
         };
         recording.measurement("tilt", Time::default(), None, &update);
         let innovations = Innovations {
-            axis: &["x", "y"],
+            axis: ["x", "y"].map(str::to_owned).to_vec(),
             unit: vec!["rad".to_owned(); 2],
             ..Innovations::default()
         };

@@ -4,8 +4,9 @@ use super::trace::Trace;
 use crate::run::axes;
 use fusion::observe::{Filters, Heard, Thinning};
 use fusion::run::FinalState;
+use fusion_core::belief::Belief;
 use fusion_core::memory::{Memory, Tape};
-use fusion_core::state::{Belief, StateRole};
+use fusion_core::state::StateRole;
 use fusion_tables::Unit;
 
 /// Parameters are drawn this often at most \[ns\]: they change slowly, at 10 Hz every jump shows.

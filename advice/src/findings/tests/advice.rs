@@ -379,7 +379,7 @@ fn before_a_noise_is_lowered_an_error_that_is_constant_is_looked_for() {
         let mut s = sensor(0.07);
         s.innovations = fusion::observe::Innovations {
             count: 300,
-            axis: &["north", "east"],
+            axis: ["north", "east"].map(str::to_owned).to_vec(),
             unit: vec!["rad".to_owned(); 2],
             lag_1: vec![0.0; 2],
             mean: vec![0.0, 1_f64.to_radians()],

@@ -73,6 +73,44 @@ fn what_each_innovation_has_of_the_one_before_tells_noise_from_an_error_that_las
     assert!(found(instrument(Some(Bias::Fixed)), s, Some(3.0)).is_empty());
 }
 
+/// The innovations of the velocity of two recorded cars, declared as in their designs, then ten and a hundred times
+/// larger: the count, the independent ones, NIS over its degrees of freedom, and lag 1. NEES of the velocity is 4.0 and 2.9 of 3.
+#[test]
+fn a_noise_is_called_too_large_only_if_innovations_with_their_correlation_tell_more() {
+    let of = |ratio: f64, lag_1: f64, count: u64, independent: f64, nees: Option<f64>| {
+        let mut s = sensor(3.0 * ratio);
+        s.innovations = fusion::observe::Innovations {
+            count,
+            lag_1: vec![lag_1; 3],
+            rms: vec![0.05; 3],
+            unit: vec!["m/s".to_owned(); 3],
+            mean: vec![0.0; 3],
+            mean_sigmas: vec![0.0; 3],
+            independent: vec![independent; 3],
+            ..fusion::observe::Innovations::default()
+        };
+        found(instrument(None), s, nees).join("\n")
+    };
+    for judged in [None, Some(2.9)] {
+        // As declared: 2397 innovations tell as much as 293, so that the noise covers them.
+        assert_eq!(of(0.2572, 0.23, 2397, 293.0, judged), "");
+        assert_eq!(of(0.334, 0.71, 459, 80.0, judged), "");
+        // Ten times on the second car, a hundred times on the first one: 0.05 m/s √(460 / 61) and √(2402 / 166).
+        assert!(of(0.0025, 0.70, 460, 61.0, judged).ends_with("a white `noise` of 0.1373 m/s"));
+        let wide = of(4.2e-5, 0.50, 2402, 166.0, judged);
+        assert!(
+            wide.contains("larger than need be") && wide.ends_with("a white `noise` of 0.1902 m/s"),
+            "{wide}"
+        );
+    }
+    // Ten times on the first car: with a reference, by which its velocity is consistent, there is no finding.
+    assert!(of(0.0041, 0.50, 2402, 164.0, None).contains("larger than need be"));
+    assert_eq!(of(0.0041, 0.50, 2402, 164.0, Some(2.9)), "");
+    // If errors are too large, the noise must not be lowered.
+    let refuted = of(4.2e-5, 0.50, 2402, 166.0, Some(12.0));
+    assert!(!refuted.contains("larger than need be"), "{refuted}");
+}
+
 #[test]
 fn of_a_constraint_neither_bias_nor_smaller_noise_is_spoken() {
     let constraint = Instrument {

@@ -1,9 +1,10 @@
 //! The estimates of parameters in a run, and the likelihood of its innovations.
 
 use fusion::observe::{Heard, RunEvent, RunObserver};
+use fusion_core::belief::Belief;
 use fusion_core::filter::Update;
 use fusion_core::runner::{Event, Halt};
-use fusion_core::state::{Belief, Block};
+use fusion_core::state::Block;
 use fusion_core::time::Time;
 
 /// A parameter counts as learnt if its σ falls below this fraction of its initial σ.

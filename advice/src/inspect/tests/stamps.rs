@@ -188,3 +188,18 @@ fn arrays_of_matlab_are_listed_and_declared() {
         );
     }
 }
+
+#[test]
+fn clocks_of_two_time_scales_are_apart_by_leap_seconds_and_the_rest_is_a_delay() {
+    // A unit in UTC, fixes in GPS time, in 2024: 18 s. The receiver is late or early by 0.48 s.
+    for lag in [18.0, 18.48, -18.48, -17.52] {
+        assert_eq!(
+            leap_seconds(lag, [1_714_564_800.0, 1_714_564_818.0]),
+            Some(f64::copysign(18.0, lag))
+        );
+    }
+    // 1 September 2016: 17 s. Another offset, or clocks without a date, have no leap seconds.
+    assert_eq!(leap_seconds(17.3, [1_472_688_000.0; 2]), Some(17.0));
+    assert_eq!(leap_seconds(12.0, [1_714_564_800.0; 2]), None);
+    assert_eq!(leap_seconds(18.0, [100.0, 118.0]), None);
+}

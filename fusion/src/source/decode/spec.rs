@@ -366,12 +366,21 @@ impl Keep {
     }
 }
 
-/// Returns true if two source tables of the same file keep rows in common. The meaning of `valid` differs from file to
+/// Returns true if two source tables of the same file keep rows in common: `keep`, `time.start` and `time.stop` may
+/// divide the rows. The meaning of `valid` differs from file to
 /// file: with different `valid` conditions, the tables count as having no common rows.
 pub(crate) fn have_rows_in_common(one: &Node, other: &Node) -> bool {
     let written = |node: &Node, key: &str| node.get(key).map(Node::inline);
     let keep = |node: &Node| node.get("keep").and_then(|keep| keep.read::<Keep>(&mut Diagnostics::new()));
     if written(one, "valid") != written(other, "valid") {
+        return false;
+    }
+    let end = |node: &Node, key: &str, otherwise: f64| {
+        let given = node.at(key).and_then(|end| end.read::<Duration>(&mut Diagnostics::new()));
+        given.map_or(otherwise, |end| end.si())
+    };
+    let (from, to) = (|n| end(n, "time.start", f64::NEG_INFINITY), |n| end(n, "time.stop", f64::INFINITY));
+    if to(one) <= from(other) || to(other) <= from(one) {
         return false;
     }
     let keeps = [one, other].map(keep);

@@ -218,9 +218,9 @@ fn noise_of_the_odometry_is_that_declared() {
 #[test]
 fn starts_are_drawn_about_the_truth_with_the_declared_sigma() {
     use super::super::start::DrawnStart;
+    use fusion_core::belief::Belief;
     use fusion_core::covariance::FormKind;
     use fusion_core::runner::Initialiser;
-    use fusion_core::state::Belief;
     let text = "[process.strapdown_local]\ngyro.noise = 1e-3\naccelerometer.noise = 1e-3\n".to_owned()
         + &simulation(
             "imu = { rate = '100 Hz' }\nstart = { position = [3, 4, 5], heading = 1, speed = 2 }",

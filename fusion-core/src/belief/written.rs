@@ -4,9 +4,10 @@
 //! factored form, it is the same up to rounding. A run that must continue bit for bit needs a checkpoint
 //! ([`memory`](crate::memory)). The input that led to the belief is not written.
 
-use super::{Belief, Block, Layout, StateRole};
+use super::Belief;
 use crate::covariance::{Covariance, FormKind};
 use crate::model::LastInput;
+use crate::state::{Block, Layout, StateRole};
 use crate::time::Time;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};

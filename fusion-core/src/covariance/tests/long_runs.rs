@@ -1,6 +1,6 @@
 //! Laws of the forms over many steps: they agree and stay positive, or report that they do not.
 
-use super::{Covariance, Form, FormKind, Workspace, cholesky};
+use crate::covariance::{Covariance, Form, FormKind, Workspace, cholesky};
 use crate::linear::{Jacobian, Transition, padded};
 use crate::state::{Layout, Quantity, Scalar, Slot};
 use crate::testing::{Lcg, double::Double, scalars};

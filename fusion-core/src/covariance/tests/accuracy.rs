@@ -1,6 +1,6 @@
 //! The forms and kernels against arithmetic of sixty digits.
 
-use super::{Covariance, FormKind, Kernel, Workspace, cholesky};
+use crate::covariance::{Covariance, FormKind, Kernel, Workspace, cholesky};
 use crate::linear::{Jacobian, Transition, padded};
 use crate::state::{Layout, Quantity, Scalar, Slot};
 use crate::testing::{Lcg, scalars};

@@ -1,9 +1,14 @@
 //! The belief: a nominal state and the covariance of its error, as a value.
 
-use super::layout::Layout;
+mod past;
+mod written;
+
+pub(crate) use past::{Past, own_dynamics};
+
 use crate::covariance::{Covariance, Form};
 use crate::memory::{Memory, Tape};
 use crate::model::LastInput;
+use crate::state::Layout;
 use crate::time::Time;
 use std::sync::Arc;
 
@@ -44,6 +49,12 @@ impl Belief {
             covariance,
             input: LastInput::default(),
         }
+    }
+
+    /// Whether no axis of the orientations has a greater 1σ \[rad\].
+    pub(crate) fn is_aligned(&self, layout: &Layout, sigma: f64) -> bool {
+        let mut variances = layout.orientations().flat_map(|b| self.covariance.variances(b));
+        variances.all(|variance| variance <= sigma * sigma)
     }
 
     /// Whether every number of state and variance is finite and no variance negative.

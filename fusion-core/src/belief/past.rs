@@ -13,8 +13,9 @@
 //! optimal filter is independent of the error that it leaves.) What has moved by many times that was
 //! pulled by something that the filter has no model of.
 
-use super::{Belief, Block, Dynamics, Layout, StateRole};
+use super::Belief;
 use crate::memory::{Memory, Tape};
+use crate::state::{Block, Dynamics, Layout, StateRole};
 use crate::time::Time;
 use std::sync::Arc;
 
