@@ -26,6 +26,7 @@ impl Shown<'_, Summary> {
                 .into_iter()
                 .chain(control::section(self.control.as_ref()))
                 .chain([self.sensors_in_short()])
+                .chain(crate::section::all(&self.sections))
                 .collect(),
         }
     }

@@ -12,6 +12,7 @@ pub mod health;
 mod judged;
 pub mod report;
 pub mod run;
+mod section;
 mod sensors;
 mod stress;
 mod trajectory;

@@ -3,6 +3,7 @@
 use super::control;
 use super::health;
 use super::judged::{NEES, axis_name, consistency, is_judged_as_block};
+use super::section;
 use super::sensors::{count_columns, counted, counts, residual_rows, row_name};
 use super::trajectory;
 use crate::Shown;
@@ -51,6 +52,7 @@ impl Shown<'_, Summary> {
             .chain(control::section(self.control.as_ref()))
             .chain(self.errors())
             .chain([self.estimated()])
+            .chain(section::all(&self.sections))
             .collect(),
         }
     }
@@ -226,7 +228,7 @@ impl Shown<'_, Summary> {
                 let sigma = if is_fixed { Cell::text("not estimated") } else { Cell::Real(sigma) };
                 if is_fixed {
                     notes.push(format!(
-                        "`{name}` was declared with a 1σ of 0: what it has changed by follows from the turns about the other axes."
+                        "`{name}` was declared with a 1σ of 0: its change follows from the turns about the other axes."
                     ));
                 }
                 t.row_in(Unit::of_si(state.unit), [Cell::text(name.trim_end()), Cell::Real(value), sigma]);

@@ -139,7 +139,7 @@ fn table(name: &str, schema: &Value, whole: &Value) -> String {
         add_fields(&mut fields, target, whole, 1);
     }
     if fields.is_empty() {
-        return text + "\n`fusion blocks` lists the blocks that may stand there, `fusion blocks NAME` describes one.\n";
+        return text + "\n`fusion blocks` lists the blocks that may be there, `fusion blocks NAME` describes one.\n";
     }
     text + "\nFields\n" + &fields
 }
@@ -151,7 +151,7 @@ fn one(r: &Registration) -> String {
     let mut fields = String::new();
     add_fields(&mut fields, &schema, &schema, 1);
     if fields.is_empty() {
-        text += "\nIt has no fields of its own.\n";
+        text += "\nIt has no fields.\n";
     } else {
         text += &format!("\nFields\n{fields}");
     }

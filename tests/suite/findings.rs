@@ -66,7 +66,7 @@ const RECORDED: &[Case] = &[
     (
         "real/tumvi",
         "base",
-        &[("NEES attitude", "errors of its own (`sigma`), other axes (`remove_mean_mounting`)")],
+        &[("NEES attitude", "its own errors (`sigma`), other axes (`remove_mean_mounting`)")],
     ),
 ];
 

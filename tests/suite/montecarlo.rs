@@ -111,6 +111,7 @@ fn parts_of_a_campaign_make_the_whole_in_any_order() {
     let refused = |files: &[&str]| stderr(&w.fusion(&[&["merge"], files].concat()).failure());
     assert!(refused(&["a", "b", "other"]).contains("`other`: it belongs to another campaign: its design is"));
     assert!(refused(&["a", "c"]).contains("runs 1 to 3 are in no part"));
+    assert!(refused(&["c", "b"]).contains("runs 0 to 0 are in no part"));
     assert!(refused(&["a", "b", "a"]).contains("`a`: run 0 is in two parts"));
     assert!(refused(&[design]).contains("this is no part of a campaign"));
     let bytes = std::fs::read(w.path("b")).unwrap();

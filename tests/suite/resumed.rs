@@ -242,12 +242,12 @@ fn what_cannot_be_gone_on_with_is_told_and_stays_as_it_is() {
         assert!(!success && why.contains(what), "{args:?}: {why}");
         assert!(kept() == before, "{args:?}");
     };
-    told(&saved, "go on with it by `--resume saved`");
+    told(&saved, "continue it with `--resume saved`");
     fs::write(w.path("other"), "of another run").unwrap();
     let to_other = ["--out", "out", "--resume", "saved", "--checkpoint", "other"];
-    told(&to_other, "go on with it by `--resume other`");
+    told(&to_other, "continue it with `--resume other`");
     told(&["--out", "out", "--resume", "saved", "--seed", "5"], "saved is of another run");
-    told(&["--out", "out", "--resume", "nothing"], "cannot go on with nothing");
+    told(&["--out", "out", "--resume", "nothing"], "cannot continue with nothing");
     told(&["--out", "out", "--resume", "saved", "--smooth"], "cannot be saved");
     told(&["--out", "out", "--every", "1 s"], "--checkpoint");
     told(&["--out", "out", "--checkpoint", "x", "--every", "1 m"], "a time is wanted");

@@ -164,7 +164,7 @@ impl Judged<'_> {
     /// The possible faults of the reference.
     fn reference(&self, what: Measures) -> String {
         let sigma = if self.is_exact[what as usize] {
-            "errors of its own (`sigma`), "
+            "its own errors (`sigma`), "
         } else {
             ""
         };
@@ -296,7 +296,7 @@ impl Judged<'_> {
         } else if self.is_recorded {
             format!("either the filter or the reference is wrong: {CHECK} compares both with the way travelled")
         } else {
-            "look at what tells the heading, and at how it starts (`[initial]`, `filter.bank`)".to_owned()
+            "look at what gives the heading, and at how it starts (`[initial]`, `filter.bank`)".to_owned()
         };
         is_told.then(|| Finding {
             about: "heading".to_owned(),

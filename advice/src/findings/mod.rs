@@ -437,7 +437,7 @@ impl Judged<'_> {
         let is_told = self.instruments.iter().any(|i| is_level(&i));
         let why = match self.nees(Measures::Attitude).filter(|c| is_large(c)) {
             Some(nees) => format!("NEES attitude is {} of {}", short(nees.mean), nees.dof),
-            None if is_inertial && !is_told => "no sensor tells a heading".to_owned(),
+            None if is_inertial && !is_told => "no sensor gives a heading".to_owned(),
             None => return None,
         };
         // A measurement of the heading is nonlinear in it: linearise it again. Without one, the other measurements must

@@ -307,7 +307,7 @@ impl Judged<'_> {
                 Some(_) => "a slow error that its `bias` does not take, or that changes more than it may",
                 None => "a slow error without a state",
             };
-            format!("each is like the one before, so it is no noise: {look}, then look for {slow}")
+            format!("each is like the one before, so it is not noise: {look}, then look for {slow}")
         } else if !is_gated {
             format!("are there outliers, which a `gate` would refuse? Else {look}, then look at its `noise`")
         } else {

@@ -572,7 +572,7 @@ impl Judge<'_> {
         let with = match (attitude, moved) {
             (Some(seen), _) => format!("the turns of `{}`", seen.name),
             (None, Some(moved)) => format!("the turns of {}", moved.name),
-            (None, None) => return self.untold(track, "turns that something else tells of", ALONE),
+            (None, None) => return self.untold(track, "turns that something else shows", ALONE),
         };
         let told = |seconds: f64| match (attitude, moved) {
             (Some(seen), _) => seen.attitudes.turns().collect(),
@@ -652,7 +652,7 @@ const ALONE: &str = "not judged: an attitude, or a velocity of more than 2 m/s, 
 fn lack(count: usize) -> String {
     match count {
         0 => LONG.to_owned(),
-        count => format!("not judged: both tell of {count} intervals of little turn, {ENOUGH} are needed"),
+        count => format!("not judged: both show {count} intervals of little turn, {ENOUGH} are needed"),
     }
 }
 

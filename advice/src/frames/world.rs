@@ -363,7 +363,7 @@ impl Judge<'_> {
             None => whole.and_then(|whole| local(channel, &whole)),
         };
         let message = format!(
-            "the position of `{name}` contradicts {} and what else tells of the motion: {says}",
+            "the position of `{name}` contradicts {} and what else shows the motion: {says}",
             right.name
         );
         let help = help.unwrap_or_else(|| "check the columns, their order, signs and unit".to_owned());

@@ -266,7 +266,7 @@ fn even(table: &Table) -> Option<Clock> {
     Some(Clock {
         form: Form::Even,
         unit: "ns",
-        why: format!("no array of stamps; `{name}` tells the rate"),
+        why: format!("no array of stamps; `{name}` gives the rate"),
         rate: *rate,
         ..Clock::measured(stamps.collect())
     })

@@ -129,7 +129,7 @@ impl Log {
         let (day, column) = (clock.day.as_ref()?, &self.table.columns[clock.column].name);
         let told = match &day.from {
             Some(file) => format!("It is taken to be {}, the day of `{file}`", day.date),
-            None => format!("No file tells it: {} stands for it", day.date),
+            None => format!("No file gives it: {} is used instead", day.date),
         };
         Some(format!("`{}`: `{column}` holds times of day without a date. {told}", self.name()))
     }

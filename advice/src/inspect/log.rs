@@ -289,7 +289,7 @@ impl Log {
     pub(super) fn why_unused(&self, column: usize, is_designed: bool) -> Option<String> {
         let signal = self.signals.iter().find(|s| s.columns.iter().any(|c| c.0 == column));
         if self.instances.as_ref().is_some_and(|i| i.column == column) {
-            return Some("tells the instruments of this file apart".to_owned());
+            return Some("distinguishes the instruments of this file".to_owned());
         }
         if self
             .others

@@ -16,6 +16,7 @@ mod clock;
 mod day;
 mod design;
 mod field;
+mod frame;
 mod imu;
 mod log;
 mod numbers;
@@ -145,8 +146,14 @@ impl Inspection {
     pub fn look(mut logs: Vec<Log>) -> Self {
         day::give_days(&mut logs);
         bring_to_gps(&mut logs);
-        let apart = logs.iter().position(has_velocity_alone);
-        let (position, reference) = tracks(&logs, apart);
+        let mut apart = logs.iter().position(has_velocity_alone);
+        let (mut position, mut reference) = tracks(&logs, apart);
+        if let Some((_, track)) = &position
+            && logs.iter_mut().fold(false, |any, log| frame::settle(log, track) | any)
+        {
+            apart = logs.iter().position(has_velocity_alone);
+            (position, reference) = tracks(&logs, apart);
+        }
         let velocity = apart.filter(|_| position.as_ref().is_some_and(|(k, _)| !logs[*k].has(Velocity)));
         if let Some((_, track)) = position.as_ref().or(reference.as_ref()) {
             bring_together(&mut logs, track);
@@ -287,7 +294,7 @@ impl Inspection {
         let is_unit = |log: &&Log| log.clock.is_some() && log.has(SpecificForce) && log.has(AngularRate);
         for log in self.logs.iter().filter(is_unit).filter(|_| self.imu.is_none()) {
             all.push(format!(
-                "a second of the inertial unit in `{}` with four samples and no gap: without one nothing tells which axis points up",
+                "a second of the inertial unit in `{}` with four samples and no gap: without one it is unknown which axis points up",
                 log.name()
             ));
         }

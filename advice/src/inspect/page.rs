@@ -113,7 +113,7 @@ impl Inspection {
         let mut t = Table::list();
         let Some((_, imu)) = &self.imu else { return t };
         let Some(r) = &imu.rest else {
-            t.row(["rest", "none found: no two seconds in a row that can be told from motion"]);
+            t.row(["rest", "none found: no two seconds in a row that differ from motion"]);
             return t;
         };
         t.row([Cell::text("share of the log"), Cell::Share(r.share)]);

@@ -17,7 +17,9 @@ pub struct Rodrigues;
 
 fn jacobian(s: &Vector3<f64>) -> Matrix3<f64> {
     let n = s.norm_squared();
-    let sum = Matrix3::identity() * (1.0 - n) - s.cross_matrix() * 2.0 + s * s.transpose() * 2.0;
+    // By elements: rustc 1.95 with optimisation computes `s * s.transpose()` wrongly here, once it is inlined.
+    let outer = Matrix3::from_fn(|i, j| s[i] * s[j]);
+    let sum = Matrix3::identity() * (1.0 - n) - s.cross_matrix() * 2.0 + outer * 2.0;
     sum / ((1.0 + n) * (1.0 + n))
 }
 

@@ -48,7 +48,7 @@ fn a_wrong_jacobian_of_a_manifold_is_told() {
     assert!(told.contains("the Jacobian is 1"), "{told}");
 }
 
-/// A layout with an attitude, and one with a direction beside it.
+/// A layout with an attitude and a direction.
 fn layout(random: &mut Lcg) -> Layout {
     let mut b = LayoutBuilder::new();
     let turn = Vector3::from_fn(|_, _| random.signed());

@@ -40,6 +40,39 @@ fn every_command_knows_the_block() {
 }
 
 #[test]
+fn the_section_of_the_observer_is_in_terminal_summary_and_report_also_with_checkpoints() {
+    let out = std::env::temp_dir().join(format!("own-blocks-section-{}", std::process::id()));
+    let path = |name: &str| out.join(name).to_str().unwrap().to_owned();
+    std::fs::create_dir_all(&out).unwrap();
+    let shown = fusion(&["run", DESIGN, "--out", &path("whole")]);
+    assert!(shown.contains("Speeds") && shown.contains("largest [m/s]"), "{shown}");
+    assert!(std::fs::read_to_string(path("whole/report.html")).unwrap().contains("Speeds"));
+    let section = |folder: &str| {
+        let text = std::fs::read_to_string(path(&format!("{folder}/summary.json"))).unwrap();
+        let summary: serde_json::Value = serde_json::from_str(&text).unwrap();
+        summary["sections"][0].clone()
+    };
+    let whole = section("whole");
+    assert_eq!(whole["name"], "speeds");
+    // The trajectory has 10 m/s.
+    let largest = whole["rows"][0][2].as_f64().unwrap();
+    assert!((largest - 10.0).abs() < 0.5, "{largest}");
+    // Only a run whose observers have a memory can be saved.
+    fusion(&[
+        "run",
+        DESIGN,
+        "--out",
+        &path("saved"),
+        "--checkpoint",
+        &path("checkpoint"),
+        "--every",
+        "0 s",
+    ]);
+    assert_eq!(section("saved"), whole);
+    std::fs::remove_dir_all(&out).unwrap();
+}
+
+#[test]
 fn campaigns_comparisons_and_faults_run_over_the_block() {
     let shown = fusion(&["compare", DESIGN, "--backend", "error_state,iekf"]);
     assert!(shown.contains("iekf") && shown.contains("drift"), "{shown}");

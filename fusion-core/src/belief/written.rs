@@ -63,7 +63,9 @@ impl<'de> Deserialize<'de> for Belief {
         if belief.is_sound() {
             Ok(belief)
         } else {
-            Err(D::Error::custom("the belief holds what is no number, or a negative variance"))
+            Err(D::Error::custom(
+                "the belief has a value that is not a number, or a negative variance",
+            ))
         }
     }
 }

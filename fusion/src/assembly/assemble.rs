@@ -268,7 +268,7 @@ impl<'a, P> Assembler<'a, P> {
         let is_measured = sensors.any(|reading| reading.channels().iter().any(is_position)) || !self.failed.is_empty();
         for unit in &self.design.initialisers {
             if unit.block.takes() == Taken::Place && !is_measured {
-                let message = "without `position_sigma` the next fixes tell the position, and no sensor reads a position";
+                let message = "without `position_sigma` the next fixes give the position, and no sensor reads a position";
                 let help = "add `position_sigma`, the 1σ of this fix: `position_sigma = \"2 m\"`";
                 self.d.push(Diagnostic::error(message).at(unit.node.name_place()).help(help));
             }

@@ -267,7 +267,7 @@ impl<P> Assembler<'_, P> {
                     spec.sensor
                 );
                 let place = design.node.place_of("only_with");
-                let help = "let both go with a third sensor, or give this one a gate of its own";
+                let help = "let both go with a third sensor, or give this one its own gate";
                 self.d.push(Diagnostic::error(message).at(place).help(help));
             }
         }

@@ -280,7 +280,7 @@ impl FilterSpec {
             return node.read(d);
         };
         let message = format!("`{word}` is no named backend, but what `filter.{key}` may be");
-        let help = format!("write `filter.{key} = \"{word}\"`; a `backend` beside it gives the rest");
+        let help = format!("write `filter.{key} = \"{word}\"`; a `backend` next to it gives the rest");
         d.push(Diagnostic::error(message).at(backend.place()).help(help));
         None
     }

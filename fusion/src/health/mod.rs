@@ -9,4 +9,5 @@ mod record;
 pub use fusion_core::health::{Health, State};
 pub use reason::{NamedReason, Names};
 pub use reason::{from_word, word};
-pub use record::{FilterHealth, HealthRecord, Spell, Spent, Transition};
+pub(crate) use record::HealthRecord;
+pub use record::{FilterHealth, Spell, Spent, Transition};

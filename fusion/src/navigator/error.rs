@@ -27,7 +27,7 @@ pub enum FeedError {
         channels: String,
     },
     /// A stamp that is not a valid time.
-    #[error("stream `{stream}`: {seconds} s is no stamp: a finite number of seconds, within 292 years of zero, is one")]
+    #[error("stream `{stream}`: {seconds} s is not a stamp: a finite number of seconds, within 292 years of zero, is one")]
     Stamp {
         /// The stream.
         stream: String,

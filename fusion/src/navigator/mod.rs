@@ -672,7 +672,7 @@ mod tests {
         let row = [0.8, 0.1, 400.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0];
         for seconds in [f64::NAN, f64::INFINITY, -1e300, 9.3e9] {
             let told = nav.feed("gnss", seconds, &row).unwrap_err().to_string();
-            assert!(told.starts_with(&format!("stream `gnss`: {seconds} s is no stamp")), "{told}");
+            assert!(told.starts_with(&format!("stream `gnss`: {seconds} s is not a stamp")), "{told}");
         }
         assert!(nav.solution().is_none(), "a NaN was the time 0");
         nav.feed("gnss", 1.0, &row).unwrap();

@@ -30,10 +30,10 @@ impl Wait {
     }
 }
 
-/// For example: ``98 % of the log lies before it and was not used: `levelling` waited for rest``.
+/// For example: ``98 % of the log is before it and was not used: `levelling` waited for rest``.
 impl fmt::Display for Wait {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.0} % of the log lies before it and was not used", 100.0 * self.share())?;
+        write!(f, "{:.0} % of the log is before it and was not used", 100.0 * self.share())?;
         for (k, (name, what)) in self.waited.iter().enumerate() {
             write!(f, "{} `{name}` waited for {what}", if k == 0 { ":" } else { ";" })?;
         }

@@ -23,6 +23,6 @@ mod updates;
 pub use cells::Cells;
 pub use estimates::{EstimateWriter, Origin, SOLUTION};
 pub use set::{Abandoned, FileSet, OutputFile, Sink, abandon};
-pub use spill::Spill;
+pub(crate) use spill::Spill;
 pub use unwritable::Unwritable;
-pub use updates::{UpdateWriter, verdict_name};
+pub(crate) use updates::UpdateWriter;

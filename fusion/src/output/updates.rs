@@ -79,7 +79,7 @@ impl<W: Write> UpdateWriter<W> {
 
 /// The verdict as updates.csv and the summary spell it.
 #[must_use]
-pub const fn verdict_name(verdict: Verdict) -> &'static str {
+const fn verdict_name(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Accepted => "accepted",
         Verdict::Rejected => "rejected",

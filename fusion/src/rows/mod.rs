@@ -19,7 +19,7 @@ mod stream;
 
 pub(crate) use carried::{Again, Carried};
 pub use error::{DataError, SourceError};
-pub use fault::Faulted;
+pub(crate) use fault::Faulted;
 pub(crate) use fault::{FaultChain, outages};
 pub use feed::{Aboard, Feed, Nobody, Pose, SourceStatistics};
 pub use fusion_core::runner::Row;

@@ -82,7 +82,7 @@ fn counted_twice(design: &Design, start: &Named<Box<dyn InitialiserSpec>>) -> Op
         "the first fix has the slow error of `{name}` too, its `bias`, and counts as if it had not: the 1σ of the position will be too \
          small, down to 1/{factor:.2} of the errors"
     );
-    let help = "leave out `position_sigma`: then the next fixes tell the position, with the error that lasts";
+    let help = "leave out `position_sigma`: then the next fixes give the position, with the error that lasts";
     Some(Diagnostic::warning(message).at(start.node.place_of("position_sigma")).help(help))
 }
 
@@ -97,7 +97,7 @@ fn idle_preset(document: &Document) -> Option<Diagnostic> {
     };
     ["gyro", "accelerometer"].iter().all(|triad| is_given(triad)).then(|| {
         let message = format!(
-            "the preset {} changes nothing: `gyro` and `accelerometer` have figures of their own, which win over it",
+            "the preset {} changes nothing: `gyro` and `accelerometer` have their own figures, which take precedence",
             preset.inline()
         );
         let help = "set what is to differ, such as `simulation.imu.gyro.noise = 0`, or leave out the included part";

@@ -23,6 +23,7 @@ use crate::design::{Design, Fault, Named, ReferenceSpec, SourceDesign};
 use crate::health::HealthRecord;
 use crate::observe::{
     Consumers, Counters, Excesses, FilterScore, Filters, Finals, Heard, Hub, Hypotheses, RunObserver, Smoother, Statistics, Timing,
+    sections,
 };
 use crate::provenance::Provenance;
 use crate::rows::{Carried, Feed, outages as silences};
@@ -242,6 +243,11 @@ impl<'a> Run<'a> {
                 ))
             }
         };
+        let mut further_sections = if self.is_one_of_many {
+            Vec::new()
+        } else {
+            sections(self.design, &filters)
+        };
         let mut hub = Hub::new(&filters, comparison.as_ref());
         hub.add(&mut counters);
         hub.add(&mut statistics);
@@ -258,6 +264,7 @@ impl<'a> Run<'a> {
         files.estimates.iter_mut().for_each(|file| hub.add(file));
         files.updates.iter_mut().for_each(|file| hub.add(file));
         smoother.iter_mut().for_each(|smoother| hub.add(smoother));
+        further_sections.iter_mut().for_each(|section| hub.add(section.as_mut()));
         further.iter_mut().for_each(|observer| hub.add(*observer));
         if rewinds {
             let mut current = Hub::new(&filters, comparison.as_ref());
@@ -342,6 +349,7 @@ impl<'a> Run<'a> {
             consumers: if self.is_one_of_many { Vec::new() } else { consumers.finish() },
             unused_rows: counters.unused_rows,
             spikes: counters.spikes,
+            sections: further_sections.into_iter().map(|section| section.finish()).collect(),
             failures: counters.failures,
             further_failures: counters.further_failures,
             wall_seconds: self.begun.elapsed().as_secs_f64(),

@@ -108,7 +108,7 @@ impl<'o> Saving<'o> {
         {
             let file = file.display();
             let error = Diagnostic::error(format!("{file} is there already, of a run that was stopped"));
-            return Err(error.help(format!("go on with it by `--resume {file}`, or remove it")).into());
+            return Err(error.help(format!("continue it with `--resume {file}`, or remove it")).into());
         }
         if let Some(from) = saving.from {
             saving.bytes = saving.read(from)?;
@@ -125,7 +125,7 @@ impl<'o> Saving<'o> {
         let bytes = checkpoint::read(from).map_err(|error| failed(from, error))?;
         let memory = opened(Of::Run, self.fingerprint, &bytes).map_err(|error| match error {
             CheckpointError::Design => {
-                let help = "go on with the same design, variants, assignments, seed and outputs as it was begun with";
+                let help = "continue with the same design, variants, assignments, seed and outputs as it was begun with";
                 Diagnostics::from(Diagnostic::error(format!("{} is of another run", from.display())).help(help))
             }
             error => failed(from, error),
@@ -159,7 +159,10 @@ impl<'o> Saving<'o> {
             Passed::Failed(d) => d,
             Passed::Other(row) => {
                 let help = "the log or its declared faults are not those that it was begun with";
-                let error = Diagnostic::error(format!("cannot go on with {}: row {row} of its data has changed", from.display()));
+                let error = Diagnostic::error(format!(
+                    "cannot continue with {}: row {row} of its data has changed",
+                    from.display()
+                ));
                 error.help(help).into()
             }
         })
@@ -228,7 +231,7 @@ enum Passed {
 }
 
 fn failed(from: &Path, why: impl core::fmt::Display) -> Diagnostics {
-    Diagnostic::error(format!("cannot go on with {}: {why}", from.display())).into()
+    Diagnostic::error(format!("cannot continue with {}: {why}", from.display())).into()
 }
 
 /// The options that a run depends on. All kernels except the portable one give bit-identical results.

@@ -83,6 +83,6 @@ pub(super) fn smoother<'a>(
 
 fn no_folder() -> Diagnostics {
     let help = "name a folder with `--out DIR`, or smooth in memory with `--smooth=memory`";
-    let error = Diagnostic::error("smoothing on disk needs a folder, beside the results");
+    let error = Diagnostic::error("smoothing on disk needs a folder next to the results");
     error.help(help).into()
 }

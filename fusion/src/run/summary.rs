@@ -2,7 +2,7 @@
 
 use super::Finding;
 use crate::health::FilterHealth;
-use crate::observe::{ConsumerCounts, Excess, FinalState, Hypotheses, SensorStatistics, Wait};
+use crate::observe::{ConsumerCounts, Excess, FinalState, Hypotheses, RunSection, SensorStatistics, Wait};
 use crate::provenance::Provenance;
 use crate::rows::SourceStatistics;
 use crate::score::Score;
@@ -162,6 +162,9 @@ pub struct Summary {
     /// Input samples that were taken for spikes; `consumers` has them too, except for one of many runs.
     #[serde(skip)]
     pub spikes: u64,
+    /// The sections that observers of other crates made.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sections: Vec<RunSection>,
     /// The first ten failures of the estimator.
     pub failures: Vec<String>,
     /// The number of further failures.

@@ -7,7 +7,7 @@ mod reader;
 mod solved;
 mod turning;
 
-pub use reader::SolutionReader;
+pub(crate) use reader::SolutionReader;
 pub use solved::Solved;
 pub(crate) use turning::Turning;
 

@@ -12,7 +12,6 @@ use std::sync::Arc;
 /// Reads the solution out of beliefs of one layout.
 #[derive(Debug)]
 pub struct SolutionReader {
-    layout: Arc<Layout>,
     process: Arc<dyn Process>,
     position: Option<Quantity<Geodetic>>,
     velocity: Option<Quantity<Velocity>>,
@@ -26,7 +25,7 @@ pub struct SolutionReader {
 impl SolutionReader {
     /// For beliefs of `layout` under `process`.
     #[must_use]
-    pub fn new(layout: &Arc<Layout>, process: Arc<dyn Process>) -> Self {
+    pub fn new(layout: &Layout, process: Arc<dyn Process>) -> Self {
         let (position, velocity, attitude) = (
             layout.quantity(state::POSITION).ok(),
             layout.quantity(state::VELOCITY).ok(),
@@ -36,7 +35,6 @@ impl SolutionReader {
             || matches!(velocity, Some(Quantity::Signal(_)))
             || matches!(attitude, Some(Quantity::Signal(_)));
         Self {
-            layout: layout.clone(),
             process,
             position,
             velocity,
@@ -45,12 +43,6 @@ impl SolutionReader {
             from_signals,
             solution: Solution::default(),
         }
-    }
-
-    /// The layout of the beliefs.
-    #[must_use]
-    pub fn layout(&self) -> &Layout {
-        &self.layout
     }
 
     /// The solution of `belief`, read when somebody looks at it.

@@ -92,7 +92,7 @@ impl DataFile {
         known.sort_unstable();
         let known: Vec<&str> = known.iter().map(String::as_str).collect();
         match did_you_mean(&name, &known) {
-            Some(meant) => format!("did you mean `{meant}`, beside it?"),
+            Some(meant) => format!("did you mean `{meant}`, next to it?"),
             None => format!("a relative path starts at the data directory, `{}`", context.data_dir.display()),
         }
     }

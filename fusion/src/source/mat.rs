@@ -344,7 +344,7 @@ impl RawRows for Samples {
             _ if !variable.shape.contains(&self.count) => {
                 let count = self.count;
                 format!(
-                    "`{name}` is {}, which is no column of {count} samples: give it a source of its own",
+                    "`{name}` is {}, which is not a column of {count} samples: give it its own source",
                     variable.shape()
                 )
             }

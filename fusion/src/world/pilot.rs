@@ -35,7 +35,7 @@ pub(super) fn script(design: &Design, simulation: &Named<SimulationDesign>, seed
     }
     let Some(own) = pilot.simulation.as_ref().filter(|s| s.block.world.steered_by.is_none()) else {
         return Err(mistake(format!(
-            "`{name}` does not steer the vehicle itself: it leaves that to another variant, by a `steered_by` of its own"
+            "`{name}` does not steer the vehicle itself: it leaves that to another variant, by its own `steered_by`"
         )));
     };
     let mut rows = SimulatedRows::new(&pilot, own, &assemble(&pilot, declared_streams(&pilot)?)?, seed)?;

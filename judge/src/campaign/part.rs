@@ -8,6 +8,7 @@ use super::{Campaign, Independence, Pace, RunRow};
 use ciborium::de::Error as Cbor;
 use fusion::provenance::Provenance;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::io::{self, BufRead, Write};
 use thiserror::Error;
 
@@ -161,10 +162,10 @@ impl Campaign {
     pub fn merge(parts: impl IntoIterator<Item = Self>) -> Result<Self, (usize, Unreadable)> {
         let mut parts = parts.into_iter();
         let mut whole = parts.next().ok_or((0, Unreadable::Empty))?;
+        let mut known: BTreeSet<u64> = whole.rows.iter().map(|row| row.run).collect();
         for (number, part) in parts.enumerate() {
             whole.belongs(&part).map_err(|e| (number + 1, e))?;
-            let known: std::collections::BTreeSet<u64> = whole.rows.iter().map(|row| row.run).collect();
-            if let Some(row) = part.rows.iter().find(|row| known.contains(&row.run)) {
+            if let Some(row) = part.rows.iter().find(|row| !known.insert(row.run)) {
                 return Err((number + 1, Unreadable::Twice(row.run)));
             }
             whole.pace.epochs += part.pace.epochs;
@@ -173,11 +174,13 @@ impl Campaign {
             whole.rows.extend(part.rows);
         }
         whole.rows.sort_by_key(|row| row.run);
-        for (pair, before) in whole.rows[1.min(whole.rows.len())..].iter().zip(&whole.rows) {
-            if pair.run > before.run + 1 {
-                let (from, to) = (before.run + 1, pair.run - 1);
+        let mut next = 0;
+        for row in &whole.rows {
+            if row.run > next {
+                let (from, to) = (next, row.run - 1);
                 return Err((0, Unreadable::Missing { from, to }));
             }
+            next = row.run + 1;
         }
         whole.independence = Independence::of(whole.is_simulated, &whole.rows);
         Ok(whole)

@@ -50,7 +50,7 @@ pub fn world_model(place: &Geodetic, day: &str) -> Result<EarthField, String> {
     use world_magnetic_model::uom::si::f32::{Angle, Length};
     use world_magnetic_model::uom::si::{angle::radian, length::meter, magnetic_flux_density::tesla};
 
-    let wrong = || format!("`{day}` is no day; write it as \"2026-11-22\"");
+    let wrong = || format!("`{day}` is not a day; write it as \"2026-11-22\"");
     let parts: Vec<&str> = day.split('-').collect();
     let [year, month, date] = parts[..] else { return Err(wrong()) };
     let month = month.parse::<u8>().ok().and_then(|m| Month::try_from(m).ok());

@@ -40,7 +40,7 @@ impl FaultSpec for ClockJumpSpec {
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let by = nanos(self.by.si());
         if by == 0 {
-            return Err(BuildError::at("by", "a jump by less than a nanosecond is none"));
+            return Err(BuildError::at("by", "a jump by less than a nanosecond changes nothing"));
         }
         Ok(Box::new(ClockJump {
             columns: all_columns(context.channels),
@@ -89,6 +89,6 @@ mod tests {
     #[test]
     fn no_jump_is_refused() {
         let said = build::<ClockJumpSpec>("by = 0\nwindow = { from = 3 }", 1).unwrap_err();
-        assert_eq!(said, "by: a jump by less than a nanosecond is none");
+        assert_eq!(said, "by: a jump by less than a nanosecond changes nothing");
     }
 }

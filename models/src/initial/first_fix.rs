@@ -108,7 +108,7 @@ impl InitialiserSpec for FirstFixSpec {
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
         if self.position_sigma.is_none() && self.median_of != one() {
             let help = "add `position_sigma`, the 1σ of the median";
-            return Err(BuildError::at("median_of", "a median is for naught where the next fix tells the position").help(help));
+            return Err(BuildError::at("median_of", "a median has no effect if the next fix gives the position").help(help));
         }
         Ok(Box::new(FirstFix {
             origin: b.origin,

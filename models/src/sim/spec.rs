@@ -152,7 +152,7 @@ impl SimulationSpec {
     /// The vehicle and its mission; `seed` is the seed of the run.
     pub(super) fn crew(&self, vehicle: &dyn VehicleSpec, seed: u64) -> Result<Crew, BuildError> {
         if !self.trajectory.is_empty() {
-            let help = "remove `trajectory`; what the vehicle does is said by `mission`";
+            let help = "remove `trajectory`; `mission` says what the vehicle does";
             return Err(BuildError::at("trajectory", "a vehicle follows no trajectory").help(help));
         }
         if self.sea.is_some() {

@@ -59,7 +59,7 @@ impl DrawnStart {
             blocks.extend(Known::of(layout, block)?.map(|known| (block.clone(), known)));
         }
         if blocks.is_empty() {
-            let message = "there is no start to draw: initialisers find all of it from data, which have errors of their own";
+            let message = "there is no start to draw: initialisers find all of it from data, which have their own errors";
             let help = "declare the start, `type = \"explicit\"` under [initial.NAME], or remove `draw_start`";
             return Err(BuildError::at("draw_start", message).help(help));
         }

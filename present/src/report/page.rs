@@ -172,7 +172,12 @@ fn numbers(runs: &[Run<'_>]) -> Markup {
         // The errors of a single run are its result, above the plots.
         let errors = if runs.len() > 1 { s.errors() } else { Vec::new() };
         let first = [s.facts()].into_iter().chain(errors);
-        first.chain(s.measurements()).chain([s.estimated(), s.data()]).collect()
+        let further = crate::section::all(&run.summary.sections);
+        first
+            .chain(s.measurements())
+            .chain([s.estimated(), s.data()])
+            .chain(further)
+            .collect()
     };
     html! {
         @for run in runs {

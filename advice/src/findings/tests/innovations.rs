@@ -66,7 +66,7 @@ fn what_each_innovation_has_of_the_one_before_tells_noise_from_an_error_that_las
     assert_eq!(of(3.0, 0.3, 300), "");
     assert_eq!(of(3.0, 0.7, 20), "", "too few to tell");
     let large = of(9.0, 0.7, 300);
-    assert!(large.contains("so it is no noise") && large.lines().count() == 1, "{large}");
+    assert!(large.contains("so it is not noise") && large.lines().count() == 1, "{large}");
     // A reference judges better.
     let mut s = sensor(3.0);
     (s.innovations.lag_1, s.innovations.count) = (vec![0.9], 300);

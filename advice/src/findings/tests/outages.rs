@@ -84,7 +84,7 @@ fn a_start_in_the_last_quarter_is_told_with_what_it_waited_for() {
     // A twentieth is 2 s, a quarter 10 s.
     assert_eq!((line(&of(2.0)), told(&of(2.0))), (None, None));
     let early = line(&of(4.0)).unwrap();
-    let said = "10 % of the log lies before it and was not used: `levelling` waited for a rest";
+    let said = "10 % of the log is before it and was not used: `levelling` waited for a rest";
     assert!(early == said && told(&of(10.0)).is_none(), "{early}");
     let late = told(&of(39.0)).unwrap();
     assert!(

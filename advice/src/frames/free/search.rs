@@ -460,7 +460,7 @@ impl<'a> Search<'a> {
         let unknown: Vec<String> = unknown.into_iter().map(|(tried, _)| tried.name()).collect();
         if !unknown.is_empty() {
             found.comparisons.push(untried(
-                &[vec![format!("these data tell too little of {}", unknown.join(", "))], unweighed]
+                &[vec![format!("these data say too little about {}", unknown.join(", "))], unweighed]
                     .concat()
                     .join("; "),
             ));

@@ -98,11 +98,11 @@ impl Tried<'_> {
             return Some(format!("within {} {} of what is declared{matters}", sort.least, sort.unit));
         }
         if times < certain {
-            return Some(format!("{times:.1}{own} from what is declared, {certain:.0} would be told"));
+            return Some(format!("{times:.1}{own} from what is declared, {certain:.0} would be reported"));
         }
         let times = by / e.sigma[k];
         if times < SURE {
-            return Some(format!("{times:.1} σ from what is declared, {SURE:.0} would be told"));
+            return Some(format!("{times:.1} σ from what is declared, {SURE:.0} would be reported"));
         }
         if self.is_arm() && !e.is_near() && (0..3).any(|k| e.declared(k).abs() >= SHORTEST) {
             return Some("it goes further than an arm of this vehicle".to_owned());
@@ -377,7 +377,7 @@ fn other(design: &Design, tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagn
     let help = match sensor.node.get("declination") {
         Some(declination) if key == "bias" => {
             format!(
-                "it acts as the `declination` does, which is {}: only the sum of both is told; {help}",
+                "it acts as the `declination` does, which is {}: only the sum of both is known; {help}",
                 declination.inline()
             )
         }

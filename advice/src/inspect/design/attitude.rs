@@ -124,7 +124,7 @@ impl Inspection {
             return;
         };
         text.section("judge");
-        text.comment("guessed: the quaternion comes from a system of its own; it only scores the estimate.");
+        text.comment("guessed: the quaternion comes from a separate system; it only scores the estimate.");
         text.comment("guessed: it turns sensor axes into east, north, up.");
         self.source(text, "truth", k, &[Quaternion], "");
         text.table("reference");

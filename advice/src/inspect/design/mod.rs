@@ -21,7 +21,7 @@ const INTEGRABLE: f64 = 20.0;
 const WITHHELD: f64 = 1.9;
 
 /// Why a filter restarts after a gap.
-const RECORDINGS: &str = "guessed: each recording is one of its own; they are 10 s apart or more";
+const RECORDINGS: &str = "guessed: each recording is a separate one; they are 10 s apart or more";
 
 /// The input that drives the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,7 +132,7 @@ impl Inspection {
         if driver == Driver::Inertial && self.told() == Told::Nobody {
             text.line(
                 "bank = { hypotheses = 24, headings = 24, switch = 1 }",
-                "guessed: no course, compass or magnetometer tells the heading; 24 are tried, the one whose innovations fit stays",
+                "guessed: no course, compass or magnetometer gives the heading; 24 are tried, and the best one stays",
             );
         } else if self.position.as_ref().is_some_and(|(_, track)| track.apart.is_some()) {
             let headings = if driver == Driver::Attitude { ", headings = 12" } else { "" };

@@ -25,7 +25,7 @@ impl Inspection {
                 "`{}` is by its name the estimate of another filter, which may have used the positions of this log too. Nothing else here",
                 self.logs[attitude].name()
             ));
-            text.comment("tells the attitude; replace it by an instrument if you have one.");
+            text.comment("gives the attitude; replace it by an instrument if you have one.");
         }
         text.table("process");
         text.line("type = \"dead_reckoning\"\nsource = \"attitude_reference\"", "");
@@ -83,7 +83,7 @@ impl Inspection {
             degrees - 90.0 * (degrees / 90.0).round()
         });
         let why = self.yaw.map_or_else(
-            || "guessed: nothing tells the course".to_owned(),
+            || "guessed: nothing gives the course".to_owned(),
             |y| format!("guessed: course minus heading; they agree to {:.2} of 1", y.agreement),
         );
         text.line(

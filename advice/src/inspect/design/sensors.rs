@@ -444,7 +444,7 @@ impl Inspection {
         if self.found_current(of).is_some() {
             return through_water(current);
         }
-        "guessed: by its name a speed through the water; the current is not told by this log".to_owned()
+        "guessed: by its name a speed through the water; this log does not give the current".to_owned()
     }
 
     /// Returns true if a velocity over ground is measured: without one, a current is not identifiable.

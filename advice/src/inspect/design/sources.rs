@@ -502,7 +502,7 @@ fn validity(log: &Log, position: &Signal) -> Option<(usize, String, String)> {
                 k,
                 format!("column = {name}, equals = {usual}"),
                 if is_flag {
-                    format!("guessed: of 0 and 1, 0 is no fix; {others} rows have it")
+                    format!("guessed: of 0 and 1, 0 means no fix; {others} rows have it")
                 } else {
                     format!("guessed: the usual one; {others} rows have another")
                 },

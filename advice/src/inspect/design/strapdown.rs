@@ -83,7 +83,7 @@ impl Inspection {
                 "heading_sigma = \"0.1 deg\"",
                 "by definition: no file tells north, so headings and the way count from where the unit's forward axis points at the start",
             );
-            text.comment("Nothing tells the heading later on: the way is relative to the start, and turns with the drift of the gyros.");
+            text.comment("Nothing gives the heading later: the way is relative to the start, and turns with the drift of the gyros.");
         }
         text.section("aids");
         self.compasses(text);
@@ -199,7 +199,7 @@ impl Inspection {
         }
         if told == Told::Nobody {
             text.line("heading = \"0 deg\"", "");
-            text.line("heading_sigma = \"180 deg\"", "nobody tells it");
+            text.line("heading_sigma = \"180 deg\"", "nothing gives it");
         }
     }
 
@@ -264,7 +264,7 @@ impl Inspection {
                 text.line(&format!("still = {}", still(r, "1 s")), &limits(r));
             }
             None => {
-                text.line("duration = \"1 s\"", "guessed: nothing in this log can be told from motion as rest");
+                text.line("duration = \"1 s\"", "guessed: no rest in this log differs from motion");
                 text.line("tilt_sigma = \"5 deg\"", "guessed: the force of motion");
             }
         }
@@ -385,7 +385,7 @@ fn by_field(text: &mut Text) {
 /// The foot is at rest in every stance, as in configs/templates/person.toml.
 fn foot(text: &mut Text, s: &Stances) {
     text.section(&format!(
-        "guessed: a foot, for it stands for {:.2} s every {:.2} s; delete this for a vehicle",
+        "guessed: a foot, for it rests for {:.2} s every {:.2} s; delete this for a vehicle",
         s.duration, s.period
     ));
     text.table("stage.standing");

@@ -94,3 +94,44 @@ fn one_stamp_of_zero_among_stamps_of_a_calendar_does_not_stop_the_look() {
     let looked = Inspection::look(vec![Log::of(imu), Log::of(places)]);
     assert!(looked.imu.is_some() && looked.position.is_some());
 }
+
+/// Files of a boat on a winding way: fixes each second, and `vx vy vz` five times a second in some axes, without a unit.
+fn afloat(name: &str, own: impl Fn([f64; 2]) -> [f64; 3]) -> Inspection {
+    let folder = std::env::temp_dir().join(format!("fusion-inspect-{}-{name}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let noise = |k: f64| (12.9898 * k).sin();
+    let (mut fixes, mut speeds) = ("time,lat,lon,alt\n".to_owned(), "time,vx,vy,vz\n".to_owned());
+    let (mut course, mut at) = (0.0_f64, [0.0, 0.0]);
+    for k in 0..1500 {
+        let t = 0.2 * f64::from(k);
+        course += 0.2 * 0.1 * (0.05 * t).sin();
+        let v = [2.0 * course.cos(), 2.0 * course.sin()];
+        let said = own(v).map(|v| v + 0.02 * noise(t + v));
+        speeds += &format!("{t:.1},{:.4},{:.4},{:.4}\n", said[0], said[1], said[2]);
+        if k % 5 == 0 {
+            let [lat, lon] = [45.0 + at[0] / 111_132.95, 8.0 + at[1] / 78_847.0];
+            fixes += &format!("{t:.1},{lat:.8},{lon:.8},{:.2}\n", 10.0 + 0.1 * noise(t));
+        }
+        (0..2).for_each(|i| at[i] += 0.2 * v[i]);
+    }
+    std::fs::write(folder.join("fixes.csv"), fixes).unwrap();
+    std::fs::write(folder.join("speeds.csv"), speeds).unwrap();
+    let looked = Inspection::of(&[folder.join("fixes.csv"), folder.join("speeds.csv")]).unwrap();
+    std::fs::remove_dir_all(folder).unwrap();
+    looked
+}
+
+#[test]
+fn a_velocity_without_a_unit_is_read_in_the_axes_that_the_positions_show() {
+    let of = |looked: &Inspection, kind: Kind| looked.logs[1].signal(kind).map(|s| s.names(&looked.logs[1].table));
+    let body = afloat("body", |v| [v[0].hypot(v[1]), 0.0, 0.0]);
+    assert_eq!(of(&body, Kind::BodyVelocity).unwrap(), ["vx", "vy", "vz"]);
+    let world = afloat("world", |v| [v[1], v[0], 0.0]);
+    assert_eq!(of(&world, Kind::Velocity).unwrap(), ["vy", "vx", "-vz"]);
+    assert!(
+        world.position.as_ref().unwrap().1.is_reported,
+        "the velocity belongs to the positions"
+    );
+    let scaled = afloat("scaled", |v| [0.1 * v[0], 0.1 * v[1], 0.0]);
+    assert!(of(&scaled, Kind::Velocity).is_none() && of(&scaled, Kind::BodyVelocity).is_none());
+}

@@ -405,7 +405,7 @@ fn a_latency_of_hours_is_refused() {
 #[test]
 fn values_that_cannot_be_are_refused() {
     let geodetic = format!("{T}channels.p = {{ latitude = 'a', longitude = 'b', height = 'c', unit = 'rad' }}");
-    let expected = "error: 40.1 rad in column `a` is no latitude: it lies beyond a pole\n--> log.csv:2\n = help: if the columns are in degrees, write `unit = \"deg\"`;";
+    let expected = "error: 40.1 rad in column `a` is not a latitude: it lies beyond a pole\n--> log.csv:2\n = help: if the columns are in degrees, write `unit = \"deg\"`;";
     assert!(said(&geodetic, "t,a,b,c\n1,40.1,-105,3\n").starts_with(expected));
     let sigma = format!("{T}channels.s = {{ column = 'a', unit = 'm^2', variance = true }}");
     assert!(said(&sigma, "t,a\n1,-4\n").starts_with("error: the variance -4 in column `a` is negative\n--> log.csv:2"));
@@ -449,7 +449,7 @@ error: `logg.csv` cannot be read: there is no such file
 2 | path = 'logg.csv'
   |        ^^^^^^^^^^
   |
-  = help: did you mean `log.csv`, beside it?";
+  = help: did you mean `log.csv`, next to it?";
     assert_eq!(said(&format!("path = 'logg.csv'\n{TV}"), ""), expected);
     let elsewhere = said(&format!("path = 'far/away.csv'\n{TV}"), "");
     assert!(

@@ -67,7 +67,7 @@ fn what_is_no_column_is_said_of_each_array() {
     for (column, what) in [
         (
             "gps(:,1)",
-            "`gps` is 2×2, which is no column of 5 samples: give it a source of its own",
+            "`gps` is 2×2, which is not a column of 5 samples: give it its own source",
         ),
         ("imu.acc(1,:)", "`imu.acc` is 5×3"),
         ("imu.unit", "`imu.unit` is text, not an array of numbers"),

@@ -148,7 +148,7 @@ fn an_attitude_of_any_sequence_of_turns_or_of_a_matrix_is_that_of_its_quaternion
     let wrong = |channel: &str, numbers: &[f64]| said(&format!("{T}channels.{channel}"), &table(numbers));
     let scaled = wrong(dcm, (c * 1.1).as_slice());
     assert!(
-        scaled.starts_with("error: the matrix is no rotation: its columns are not orthonormal by 0.210\n--> log.csv:2"),
+        scaled.starts_with("error: the matrix is not a rotation: its columns are not orthonormal by 0.210\n--> log.csv:2"),
         "{scaled}"
     );
     let mirrored = wrong(dcm, (-c).as_slice());

@@ -87,7 +87,7 @@ fn degrees_and_minutes_are_read_as_nmea_writes_them() {
     );
     let pole = said(&toml, "t,lat,lon\n1,9130,0\n");
     assert!(
-        pole.starts_with("error: 9130 (degrees and minutes) in column `lat` is no latitude: it lies beyond a pole\n--> log.csv:2"),
+        pole.starts_with("error: 9130 (degrees and minutes) in column `lat` is not a latitude: it lies beyond a pole\n--> log.csv:2"),
         "{pole}"
     );
 }
@@ -102,31 +102,31 @@ fn a_place_that_cannot_be_is_an_error_that_says_what_it_may_be() {
         (
             "deg",
             "4854.554,-13036.442",
-            "4854.554 deg in column `lat` is no latitude: it lies beyond a pole",
+            "4854.554 deg in column `lat` is not a latitude: it lies beyond a pole",
             "write `unit = \"ddmm\"`",
         ),
         (
             "deg",
             "48,13036.442",
-            "13036.442 deg in column `lon` is no longitude: it is more than a turn",
+            "13036.442 deg in column `lon` is not a longitude: it is more than a turn",
             "write `unit = \"ddmm\"`",
         ),
         (
             "deg",
             "-130.6,48.9",
-            "-130.6 deg in column `lat` is no latitude: it lies beyond a pole",
+            "-130.6 deg in column `lat` is not a latitude: it lies beyond a pole",
             "are latitude and longitude exchanged? To leave",
         ),
         (
             "rad",
             "48.9,-130.6",
-            "48.9 rad in column `lat` is no latitude: it lies beyond a pole",
+            "48.9 rad in column `lat` is not a latitude: it lies beyond a pole",
             "write `unit = \"deg\"`; to leave",
         ),
         (
             "deg",
             "489000000,1",
-            "489000000 deg in column `lat` is no latitude: it lies beyond a pole",
+            "489000000 deg in column `lat` is not a latitude: it lies beyond a pole",
             "help: to leave such rows out",
         ),
     ] {

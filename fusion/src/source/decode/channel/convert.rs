@@ -153,7 +153,7 @@ impl ChannelPlan {
             _ => return Ok(()),
         };
         Err(Wrong {
-            message: format!("{} {angles} in column `{}` is no {what}", read[i], column(i)),
+            message: format!("{} {angles} in column `{}` is not a {what}", read[i], column(i)),
             help: angles.instead(read[0], read[1]),
         })
     }

@@ -38,7 +38,9 @@ pub(super) fn of_matrix(rows: &[f64]) -> Result<UnitQuaternion<f64>, String> {
     let m = Matrix3::from_row_slice(rows);
     let error = (m.transpose() * m - Matrix3::identity()).amax();
     if error > TOLERANCE {
-        return Err(format!("the matrix is no rotation: its columns are not orthonormal by {error:.3}"));
+        return Err(format!(
+            "the matrix is not a rotation: its columns are not orthonormal by {error:.3}"
+        ));
     }
     if m.determinant() < 0.0 {
         return Err("the matrix turns a right-handed frame into a left-handed one".to_owned());

@@ -1,0 +1,78 @@
+//! A section of the result: the speeds of a run, by the estimate of the outermost filter.
+//!
+//! Not here: speeds before the filter starts, and the uncertainty of a speed
+
+use fusion::core::runner::Halt;
+use fusion::core::state::{Manifold, Velocity};
+use fusion::models::vocabulary::state;
+use fusion::observe::{Figure, RunEvent, RunObserver, RunSection, SectionColumn, SectionMaker, SectionObserver};
+
+fusion::inventory::submit! {
+    SectionMaker { name: "speeds", make: |_design, _filters| Some(Box::new(Speeds::default())) }
+}
+
+/// Horizontal and vertical speeds.
+#[derive(Debug, Default)]
+struct Speeds {
+    count: u64,
+    sums: [f64; 2],
+    largest: [f64; 2],
+    /// When they were largest \[s\].
+    at: [f64; 2],
+}
+// A run that resumes continues with them.
+fusion::core::memory!(Speeds { count, sums, largest, at });
+
+impl RunObserver for Speeds {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        let RunEvent::Estimate { filter, belief, .. } = event else {
+            return Ok(());
+        };
+        let velocity = filter.layout.block(state::VELOCITY).filter(|b| b.kind == Velocity::KIND);
+        let Some(block) = velocity.filter(|_| filter.is_outermost()) else {
+            return Ok(());
+        };
+        let v = Velocity::read(&belief.x[block.storage_range()]);
+        self.count += 1;
+        for (k, speed) in [v.x.hypot(v.y), v.z.abs()].into_iter().enumerate() {
+            self.sums[k] += speed;
+            if speed > self.largest[k] {
+                (self.largest[k], self.at[k]) = (speed, belief.time.seconds());
+            }
+        }
+        Ok(())
+    }
+
+    fn memory(&mut self) -> Option<&mut dyn fusion::core::memory::Memory> {
+        Some(self)
+    }
+}
+
+impl SectionObserver for Speeds {
+    fn finish(self: Box<Self>) -> RunSection {
+        let column = |name: &str, unit: &str| SectionColumn {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+        };
+        let row = |(k, name): (usize, &str)| {
+            vec![
+                Figure::Text(name.to_owned()),
+                Figure::Number(self.sums[k] / self.count as f64),
+                Figure::Number(self.largest[k]),
+                Figure::Number(self.at[k]),
+            ]
+        };
+        RunSection {
+            name: "speeds".to_owned(),
+            title: "Speeds".to_owned(),
+            columns: vec![
+                column("direction", ""),
+                column("mean", "m/s"),
+                column("largest", "m/s"),
+                column("at", "s"),
+            ],
+            rows: ["horizontal", "vertical"].into_iter().enumerate().map(row).collect(),
+            notes: Vec::new(),
+        }
+    }
+}
