@@ -133,7 +133,9 @@
 //!
 //! | module | has |
 //! |---|---|
-//! | [`state`] | kinds of block, layout, typed handles, the belief |
+//! | [`state`] | kinds of block, layout, typed handles; manifolds of other crates |
+//! | [`belief`] | state and covariance at a time |
+//! | [`custom`] | charts, update rules and forms of other crates |
 //! | [`model`] | the traits of a process and a measurement |
 //! | [`linear`] | Φ, H and changes of chart as small blocks |
 //! | [`chart`] | the error coordinates of P |

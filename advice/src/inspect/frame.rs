@@ -13,7 +13,7 @@ use super::words::{Words, is_called};
 
 /// The axes leave at most this share of the squared velocity unexplained: half of the speed is noise or a current.
 const EXPLAINED: f64 = 0.25;
-/// Other axes leave at least this number of times as much.
+/// Other axes leave more than that, and at least this number of times as much.
 const OTHERS: f64 = 4.0;
 /// Fewer velocities in motion are not enough.
 const ENOUGH: usize = 20;
@@ -112,7 +112,8 @@ fn axes(t: &[f64], x: &[f64], y: &[f64], track: &Track) -> Option<Axes> {
     };
     let mut ranked = Axes::ALL.map(|axes| (axes, left(axes)));
     ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let is_clear = ranked[0].1 <= EXPLAINED && ranked[1].1 >= OTHERS * ranked[0].1;
+    // On one straight line several fit, more or less.
+    let is_clear = ranked[0].1 <= EXPLAINED && ranked[1].1 > EXPLAINED.max(OTHERS * ranked[0].1);
     (pairs.len() >= ENOUGH && is_clear).then_some(ranked[0].0)
 }
 
