@@ -79,7 +79,7 @@ impl JsonLinesSpec {
     }
 }
 
-/// The object of a line, or why it is none.
+/// The object of a line, or the reason that it has none.
 type Object = Result<Value, String>;
 
 /// The lines of a file. The first object defines the columns.

@@ -132,6 +132,18 @@ fn registered<T: Part + ?Sized>() -> Vec<&'static Custom<T>> {
     all
 }
 
+/// A name of a part that another one has too, among those of other crates or of the framework; neither could be chosen.
+pub(super) fn duplicate() -> Option<&'static str> {
+    fn of<T: Part + ?Sized>() -> Option<&'static str> {
+        let words = T::words();
+        words
+            .iter()
+            .copied()
+            .find(|word| words.iter().filter(|other| *other == word).count() > 1)
+    }
+    of::<dyn Chart>().or_else(of::<dyn UpdateRule>).or_else(of::<dyn Form>)
+}
+
 /// Every word of the schema of an enumeration.
 pub(super) fn words(schema: &Schema) -> Vec<String> {
     let variants = schema.get("oneOf").and_then(|v| v.as_array()).into_iter().flatten();

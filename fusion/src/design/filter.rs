@@ -1,6 +1,6 @@
 //! `[filter]`: the backend, as a preset or by its axes.
 
-use super::choice::{ChartSpec, Choice, FormSpec, UpdateSpec, words};
+use super::choice::{ChartSpec, Choice, FormSpec, UpdateSpec, duplicate, words};
 use crate::config::{Diagnostic, Diagnostics, Node, did_you_mean};
 use fusion_core::chart::{Biases, Chart, Reset, Side};
 use fusion_core::covariance::{Form, FormKind, Kernel};
@@ -287,6 +287,10 @@ impl FilterSpec {
 
     /// Reports a contradiction within the table.
     pub(super) fn check(&self, node: &Node, d: &mut Diagnostics) {
+        if let Some(name) = duplicate() {
+            let error = Diagnostic::error(format!("two charts, updates or forms of the linked crates are called `{name}`"));
+            d.push(error.at(node.place()).help("give one of them another name where it is registered"));
+        }
         if let Some(mistake) = self.contradiction() {
             mistake.tell(Some(node), node, d);
         }

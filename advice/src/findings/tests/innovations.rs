@@ -103,7 +103,7 @@ fn a_noise_is_called_too_large_only_if_innovations_with_their_correlation_tell_m
             "{wide}"
         );
     }
-    // Ten times on the first car: with a reference, by which its velocity is consistent, there is no finding.
+    // Ten times on the first car: a reference shows that its velocity is consistent, and nothing is reported.
     assert!(of(0.0041, 0.50, 2402, 164.0, None).contains("larger than need be"));
     assert_eq!(of(0.0041, 0.50, 2402, 164.0, Some(2.9)), "");
     // If errors are too large, the noise must not be lowered.

@@ -367,8 +367,8 @@ impl Keep {
 }
 
 /// Returns true if two source tables of the same file keep rows in common: `keep`, `time.start` and `time.stop` may
-/// divide the rows. The meaning of `valid` differs from file to
-/// file: with different `valid` conditions, the tables count as having no common rows.
+/// divide the rows. The meaning of `valid` differs from file to file: with different `valid` conditions, the tables count
+/// as having no common rows.
 pub(crate) fn have_rows_in_common(one: &Node, other: &Node) -> bool {
     let written = |node: &Node, key: &str| node.get(key).map(Node::inline);
     let keep = |node: &Node| node.get("keep").and_then(|keep| keep.read::<Keep>(&mut Diagnostics::new()));
