@@ -311,7 +311,7 @@ macro_rules! whole_form {
             fn is_positive(&self, n: usize, p: &[f64], w: &mut Workspace) -> bool {
                 // The reduction by the next measurement is not known.
                 let reduction = core::mem::replace(&mut w.dense.reduction, f64::INFINITY);
-                reduction <= HARMLESS || super::form::on_trial(self, n, p, w)
+                self.is_sound(n, p) && (reduction <= HARMLESS || super::form::on_trial(self, n, p, w))
             }
         }
     };

@@ -79,10 +79,10 @@ pub trait Form: Debug + Send + Sync {
         })
     }
 
-    /// Whether P is a covariance: finite, and no combination of states has a negative variance beyond
-    /// rounding. By default P is factored for this check; a form that can only hold covariances need not check.
+    /// Whether P is a covariance: every variance is finite, and no combination of states has a negative variance
+    /// beyond rounding. By default P is factored for this check; a factored form need not do it.
     fn is_positive(&self, n: usize, p: &[f64], w: &mut Workspace) -> bool {
-        on_trial(self, n, p, w)
+        self.is_sound(n, p) && on_trial(self, n, p, w)
     }
 }
 

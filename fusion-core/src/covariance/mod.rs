@@ -206,7 +206,7 @@ impl Covariance {
 
     /// Whether it is a covariance up to rounding: sound, and no combination of states has a negative variance.
     pub(crate) fn is_positive(&self, w: &mut Workspace) -> bool {
-        self.is_sound() && self.form.is_positive(self.n, &self.p, w)
+        self.form.is_positive(self.n, &self.p, w)
     }
 
     /// The whole of it, n×n, row by row: for comparisons and pictures.

@@ -101,7 +101,7 @@ impl Form for Udu {
 
     fn is_positive(&self, n: usize, p: &[f64], w: &mut Workspace) -> bool {
         let (u, d) = parts(n, p);
-        d.iter().all(|d| *d >= 0.0) && u.iter().all(|u| u.is_finite()) && upper::is_finite(n, u, Some(d), w)
+        d.iter().all(|d| *d >= 0.0) && upper::is_finite(n, u, Some(d), w)
     }
 }
 
