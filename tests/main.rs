@@ -164,6 +164,9 @@ mod trajectories;
 /// Simulated sensors whose true parameters differ from those of the filter.
 #[path = "suite/truth.rs"]
 mod truth;
+/// Noises found from innovations: simulated worlds with known noises, a recorded drive judged on its other half.
+#[path = "suite/tune.rs"]
+mod tune;
 /// Variants of the shipped designs, alone and two at a time.
 #[path = "suite/variants.rs"]
 mod variants;

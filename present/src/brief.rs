@@ -102,7 +102,7 @@ impl Shown<'_, Summary> {
     #[must_use]
     pub fn look_next(&self, most: usize) -> Section {
         let mut section = Section::new("Look at next", []);
-        section.notes = self.findings.iter().take(most).map(|f| format!("- {f}.")).collect();
+        section.notes = self.findings.iter().take(most).map(|f| format!("- {f}. [{}]", f.rule)).collect();
         if self.findings.len() > most {
             section.notes.push(format!("… and {} more.", self.findings.len() - most));
         }

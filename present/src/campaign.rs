@@ -210,7 +210,9 @@ impl Shown<'_, Campaign> {
             "Said by the run in the middle, `fusion run … --seed {}`, whose figures they are, and by at least half of the runs:",
             middle.seed
         ));
-        let lines = found.iter().map(|(finding, runs)| format!("- {finding} ({runs} of {all} runs)."));
+        let lines = found
+            .iter()
+            .map(|(finding, runs)| format!("- {finding} ({runs} of {all} runs). [{}]", finding.rule));
         section.notes.extend(lines);
         section
     }

@@ -1,10 +1,11 @@
 //! `fusion check`: the resolved form of a design.
 
+use super::fix::AdviceArgs;
 use super::progress::Trials;
 use super::{DesignArgs, Failure, OutputArgs, builtin, print, report};
 use clap::Args;
 use fusion::assembly::{Assembly, Inside, StreamLayout, assemble, declared_streams};
-use fusion::config::{Diagnostics, Node, Value};
+use fusion::config::{Diagnostic, Diagnostics, Edit, Node, Value};
 use fusion::core::state::Dynamics;
 use fusion::design::{Design, SensorDesign};
 use fusion::examine::{Missing, is_pipe, opening, variants};
@@ -22,6 +23,8 @@ pub(super) struct CheckArgs {
     #[command(flatten)]
     design: DesignArgs,
     #[command(flatten)]
+    advice: AdviceArgs,
+    #[command(flatten)]
     output: OutputArgs,
     /// Prints the design as one flat TOML file instead: merges parts, variants and `--set`, and shows for each value
     /// its file and line.
@@ -30,6 +33,8 @@ pub(super) struct CheckArgs {
 }
 
 pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
+    args.advice.fix.check(&args.design)?;
+    let ignored = args.advice.ignored()?;
     let file = args.design.load()?;
     let others = variants(&file, &args.design.selection().names());
     let options = args.design.options();
@@ -75,7 +80,10 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
         Judged::default()
     };
     judged.mistakes.extend(units(&design).iter().cloned());
-    let page = Page {
+    let mut mistakes = Diagnostics::new();
+    let applies = |found: &&Diagnostic| found.found_by().is_none_or(|rule| !ignored.has(rule));
+    mistakes.extend(judged.mistakes.iter().filter(applies).cloned());
+    let mut page = Page {
         title: design.run.description.clone(),
         provenance: Provenance::of(&design, None),
         warnings: Vec::new(),
@@ -93,8 +101,10 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
             Section::new("Frames, judged by the data", [frames(&judged)]),
         ],
     };
+    let edits: Vec<Edit> = mistakes.iter().flat_map(|found| found.corrections().to_vec()).collect();
+    page.sections.extend(args.advice.fix.write(&args.design, &edits)?);
     args.output.print(&page)?;
-    report(&judged.mistakes);
+    report(&mistakes);
     Ok(())
 }
 

@@ -71,7 +71,7 @@ fn checked(path: &Path) -> Result<(), Diagnostics> {
     opening(&design, &Options::default(), Missing::Told).unless_errors(())
 }
 
-fn write(path: &Path, text: &str) -> Result<(), Diagnostics> {
+pub(super) fn write(path: &Path, text: &str) -> Result<(), Diagnostics> {
     let written = std::fs::File::create_new(path).and_then(|mut file| std::io::Write::write_all(&mut file, text.as_bytes()));
     written.map_err(|e| Diagnostic::error(format!("`{}` cannot be written: {e}", path.display())).into())
 }

@@ -2,13 +2,14 @@
 //!
 //! Results go to stdout. Diagnostics and progress go to stderr, in colour on a terminal only. Exit codes: 0 success; 1
 //! standard output could not be written; 2 a mistake in the command line, the design, the data or the output folder; 3
-//! (with `run --strict`) a filter in bad health; 130 and 143 stopped by SIGINT or SIGTERM.
+//! (with `run --strict`) a filter in bad health; 4 (with `tune`) rows that are not independent; 130 and 143 stopped by SIGINT or SIGTERM.
 
 mod allan;
 mod blocks;
 mod builtin;
 mod check;
 mod compare;
+mod fix;
 mod inspect;
 mod merge;
 mod montecarlo;
@@ -19,6 +20,7 @@ mod run;
 #[cfg(unix)]
 mod stop;
 mod stress;
+mod tune;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use fusion::Selection;
@@ -40,6 +42,7 @@ use std::process::ExitCode;
     after_help = "Without a command it runs a built-in simulated design, as `fusion run` does.\n\
                   Exit codes: 0 done, 1 standard output cannot be written, 2 a mistake in the command line, the\n\
                   design, the data or the folder to write to, 3 a filter in ill health (`run --strict`),\n\
+                  4 rows that are not independent (`tune`),\n\
                   130 and 143 stopped by SIGINT or SIGTERM: no file is changed then."
 )]
 struct Cli {
@@ -74,7 +77,8 @@ Examples:
   fusion run drive.toml --out results --smooth   smoothed.csv too: what all of the log says of each epoch
   fusion run drive.toml --out results --checkpoint saved --every '10 s'
   fusion run drive.toml --out results --resume saved    goes on after a crash or a kill
-  fusion run drive.toml --strict                 exit code 3 unless the filter was in good health")]
+  fusion run drive.toml --strict                 exit code 3 unless the filter was in good health
+  fusion run drive.toml --ignore nis-small --fix drive2.toml    a copy with the edits of the other findings")]
     Run(run::RunArgs),
     /// Check a design and show its resolved form, without running it.
     ///
@@ -91,6 +95,7 @@ Examples:
 Examples:
   fusion check drive.toml
   fusion check drive.toml --data ~/logs/drive-3
+  fusion check drive.toml --data ~/logs/drive-3 --fix drive2.toml    a copy with the corrections
   fusion check drive.toml --variant ekf --resolved    every value with its file and line
   fusion check drive.toml --variant ekf --set sensor.wheel.enabled=false")]
     Check(check::CheckArgs),
@@ -183,6 +188,17 @@ Examples:
   fusion stress drive.toml --draw 200 --seed 3 --case 17
   fusion stress drive.toml --out results    writes stress.csv with what --set repeats each case by")]
     Stress(stress::StressArgs),
+    /// Find the noises that explain the innovations of logs best, without a reference.
+    ///
+    /// Fisher scoring over the likelihood of the innovations. Each noise has one factor. The rows of a sensor are
+    /// thinned until its innovations are white; if too few are left, nothing is tuned and the exit code is 4. A noise
+    /// that the log does not determine keeps its value. Each part of the log is judged by what the other parts give.
+    #[command(after_long_help = "\
+Examples:
+  fusion tune drive.toml --data ~/logs/drive-3
+  fusion tune drive.toml --params 'gyro.noise,sensor.*.noise' --fix tuned.toml
+  fusion tune drive.toml --data ~/logs/drive-3 --also ~/logs/drive-4    two logs, one set of noises")]
+    Tune(tune::TuneArgs),
     /// Find the noises of an inertial unit from a log at rest: Allan deviation, N, B and K per axis.
     ///
     /// The overlapping Allan deviation of each axis is fitted by white noise N, bias instability B and
@@ -400,11 +416,19 @@ enum Failure {
     Health,
     /// The filter failed under stress, which was reported before.
     Stress,
+    /// The rows of a log are not independent, which was reported before.
+    Dependent,
 }
 
 impl From<Diagnostics> for Failure {
     fn from(mistakes: Diagnostics) -> Self {
         Self::Mistakes(mistakes)
+    }
+}
+
+impl From<Diagnostic> for Failure {
+    fn from(mistake: Diagnostic) -> Self {
+        Self::Mistakes(mistake.into())
     }
 }
 
@@ -436,6 +460,7 @@ pub fn main() -> ExitCode {
         Command::Compare(args) => compare::compare(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Montecarlo(args) => montecarlo::montecarlo(&args),
+        Command::Tune(args) => tune::tune(&args),
         Command::Merge(args) => merge::merge(&args),
         Command::Stress(args) => stress::stress(&args),
         Command::Record(args) => record::record_world(&args),
@@ -452,6 +477,7 @@ pub fn main() -> ExitCode {
             ExitCode::from(2)
         }
         Err(Failure::Health | Failure::Stress) => ExitCode::from(3),
+        Err(Failure::Dependent) => ExitCode::from(4),
         // The reader of a pipe has stopped reading: `fusion schema | head`.
         Err(Failure::Output(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(Failure::Output(e)) => {

@@ -1,9 +1,10 @@
 //! `fusion run`.
 
+use super::fix::AdviceArgs;
 use super::progress::Progress;
 use super::{DesignArgs, Failure, Format, OutputArgs};
 use clap::{Args, ValueEnum};
-use fusion::config::Diagnostics;
+use fusion::config::{Diagnostics, Edit};
 use fusion::core::covariance::Kernel;
 use fusion::design::Design;
 use fusion::models::units::{self, Dimensional, dim};
@@ -55,11 +56,13 @@ pub(super) struct RunArgs {
     #[arg(long)]
     strict: bool,
     #[command(flatten)]
+    advice: AdviceArgs,
+    #[command(flatten)]
     output: OutputArgs,
 }
 
 /// A time in the format of a design.
-fn period(text: &str) -> Result<Duration, String> {
+pub(super) fn period(text: &str) -> Result<Duration, String> {
     let (seconds, dimension) = units::parse(text).map_err(|error| error.to_string())?;
     if dimension != dim::Duration::KIND.dimension {
         return Err("a time is wanted, such as `10 s`".to_owned());
@@ -91,6 +94,8 @@ fn kernel(name: &str) -> Result<Kernel, String> {
 }
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
+    args.advice.fix.check(&args.design)?;
+    let ignored = args.advice.ignored()?;
     let mut design = args.design.read()?;
     if let Some(kernel) = args.kernel {
         design.set_kernel(kernel);
@@ -104,6 +109,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         checkpoint: args.checkpoint.clone().map(|file| Checkpoints { file, every: args.every }),
         resume: args.resume.clone(),
         causal: args.causal,
+        ignored,
         ..Options::default()
     };
     let mut progress = Progress::new(&design);
@@ -136,6 +142,8 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     if is_brief {
         page.sections.push(Section::new("", []).note("`--verbose` shows all tables."));
     }
+    let edits: Vec<Edit> = summary.findings.iter().flat_map(|finding| finding.edits.clone()).collect();
+    page.sections.extend(args.advice.fix.write(&args.design, &edits)?);
     args.output.print(&page)?;
     let is_ill = summary.health.iter().any(|h| !h.is_good());
     if args.strict && is_ill { Err(Failure::Health) } else { Ok(()) }

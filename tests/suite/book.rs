@@ -61,6 +61,8 @@ chapters! {
     speed: "speed.md",
     glossary: "glossary.md",
     files: "files.md",
+    rules: "rules.md",
+    which_q_and_r: "tuning.md",
 }
 
 fn source(file: &str) -> PathBuf {

@@ -711,6 +711,9 @@ fn check_warns_of_a_unit_that_the_header_contradicts() {
     let columns = r#"source.gnss.channels.velocity.columns=["vn [km/h]", "ve [km/h]", "vd [km/h]"]"#;
     let ran = w.fusion(&["check", "design.toml", "--set", columns]).success();
     let told = stderr(&ran);
-    assert!(told.contains("warning: the column `vn [km/h]` is named as in `km/h`"), "{told}");
+    assert!(
+        told.contains("warning[named-unit]: the column `vn [km/h]` is named as in `km/h`"),
+        "{told}"
+    );
     assert!(told.contains("--> design.toml:36:8"), "{told}");
 }

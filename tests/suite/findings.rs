@@ -105,6 +105,16 @@ fn check(cases: &[Case], data: Option<&Path>) {
         let text = |finding: &Value, key: &str| finding[key].as_str().unwrap().to_owned();
         let found = summary["findings"].as_array().unwrap();
         let found: Vec<(String, String)> = found.iter().map(|f| (text(f, "about"), text(f, "advice"))).collect();
+        for edit in summary["findings"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .flat_map(|f| f["edits"].as_array().cloned().unwrap_or_default())
+        {
+            let setting = format!("{}={}", edit["key"].as_str().unwrap(), edit["value"].as_str().unwrap());
+            w.fusion(&["check", file.as_str(), "--variant", variant, "--set", setting.as_str()])
+                .success();
+        }
         for setting in found.iter().flat_map(|(about, advice)| settings(about, advice)) {
             let arguments = ["check", file.as_str(), "--variant", variant, "--set", setting.as_str()];
             w.fusion(&arguments).success();
@@ -115,6 +125,14 @@ fn check(cases: &[Case], data: Option<&Path>) {
             "{design} {variant}: {found:#?}"
         );
     }
+}
+
+#[test]
+fn each_rule_has_its_heading_in_the_book_in_the_same_order() {
+    let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/book/src/rules.md")).unwrap();
+    let headings: Vec<&str> = page.lines().filter_map(|line| line.strip_prefix("### ")).collect();
+    let rules: Vec<&str> = fusion_advice::rules::ALL.iter().map(|rule| rule.id).collect();
+    assert_eq!(headings, rules);
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::instrument::{Bias, Instrument, Measures, listed};
 use super::{CHECK, FAR, Finding, Judged, LARGE, is_large, ratio};
+use fusion::config::Edit;
 use fusion::score::{Axes, Consistency, Drift, Offset, Score, Verdict};
 use fusion_tables::short;
 
@@ -49,13 +50,14 @@ impl Judged<'_> {
     /// Findings about the errors. They may follow from `causes`, which are already reported.
     pub(super) fn all_errors(&self, causes: &[String]) -> Vec<Finding> {
         let Some(score) = &self.summary.score else { return Vec::new() };
-        let heading = constant_heading(score)
-            .or_else(|| self.wrong_reference(score))
-            .or_else(|| self.wrong_heading(score));
+        let heading = self
+            .kept(constant_heading(score))
+            .or_else(|| self.kept(self.wrong_reference(score)))
+            .or_else(|| self.kept(self.wrong_heading(score)));
         // A simulated truth belongs to the body origin and has no latency.
         let offset = score.offset.as_ref().filter(|_| causes.is_empty() && self.is_recorded);
-        let latency = offset.and_then(|offset| self.wrong_latency(offset));
-        let late = if causes.is_empty() && latency.is_none() && self.is_recorded {
+        let latency = self.kept(offset.and_then(|offset| self.wrong_latency(offset)));
+        let late = if causes.is_empty() && latency.is_none() && self.is_recorded && self.applies("reference-late") {
             self.late_reference()
         } else {
             Vec::new()
@@ -64,7 +66,7 @@ impl Judged<'_> {
         // Wrong time stamps look like a lever arm.
         let is_in_time = latency.is_none() && late.is_empty();
         let arm = offset.filter(|_| is_in_time);
-        let arm = arm.and_then(|offset| self.other_arm().or_else(|| wrong_arm(offset, self.point)));
+        let arm = self.kept(arm.and_then(|offset| self.other_arm().or_else(|| wrong_arm(offset, self.point))));
         let errors = Measures::ALL.into_iter().filter_map(|what| {
             let is_reference = latency.is_some() || is_late(what) || arm.is_some() && what == Measures::Position;
             let own = [
@@ -85,6 +87,9 @@ impl Judged<'_> {
             first.advice = first.advice.replacen(TIMES, &format!("{TIMES}{check}"), 1);
         }
         let outside = self.attitude_outside(score, causes, heading.is_some());
+        let outages = self
+            .kept(bold_outages(&score.drift))
+            .or_else(|| self.kept(far_outage(&score.drift)));
         let known = heading
             .into_iter()
             .chain(latency)
@@ -93,7 +98,8 @@ impl Judged<'_> {
         known
             .chain(errors)
             .chain(outside)
-            .chain(bold_outages(&score.drift).or_else(|| far_outage(&score.drift)))
+            .chain(outages)
+            .filter(|finding| self.applies(&finding.rule))
             .collect()
     }
 
@@ -103,6 +109,10 @@ impl Judged<'_> {
         let name = format!("NEES {}", what.word());
         let evidence = format!("{name} is {} of {}", short(c.mean), c.dof);
         let times = || format!("{ERRORS}{}{TIMES}", short(c.error_ratio()));
+        let rule = match c.verdict()? {
+            Verdict::Overconfident => "nees-large",
+            _ => "nees-small",
+        };
         let advice = match c.verdict()? {
             Verdict::Overconfident if ratio(c) > LARGE && !causes.is_empty() => {
                 format!("{}{BEGIN}what is said of {}", times(), listed(causes))
@@ -120,6 +130,7 @@ impl Judged<'_> {
             about: name,
             evidence,
             advice,
+            ..Finding::of(rule)
         })
     }
 
@@ -203,6 +214,7 @@ impl Judged<'_> {
                  `reference.sigma.attitude`",
                 course.own_deg
             ),
+            ..Finding::of("reference-heading")
         })
     }
 
@@ -238,6 +250,7 @@ impl Judged<'_> {
             about: "attitude".to_owned(),
             evidence: format!("inside 3σ lie {} of the attitude errors", each.join(", ")),
             advice,
+            ..Finding::of("attitude-outside")
         })
     }
 
@@ -252,6 +265,7 @@ impl Judged<'_> {
         if latency_explained < MOST || latency.abs() < LEAST_LATENCY.max(CERTAIN * latency_sigma) {
             return None;
         }
+        let mut edits = Vec::new();
         let (evidence, advice) = if latency > 0.0 {
             (
                 "late",
@@ -267,7 +281,9 @@ impl Judged<'_> {
                     -latency
                 )
             };
-            ("early", self.late_input(offset).unwrap_or_else(sensors))
+            let (advice, edit) = self.late_input(offset).unzip();
+            edits.extend(edit);
+            ("early", advice.unwrap_or_else(sensors))
         };
         Some(Finding {
             about: "reference".to_owned(),
@@ -277,6 +293,8 @@ impl Judged<'_> {
                 latency.abs()
             ),
             advice,
+            edits,
+            ..Finding::of("reference-latency")
         })
     }
 
@@ -288,10 +306,11 @@ impl Judged<'_> {
         // Before its alignment the filter itself reports a wrong heading.
         let own = self.summary.health.iter().find(|h| h.filter.is_empty());
         let aligned = own.and_then(|h| h.aligned).filter(|aligned| axes.max_time[2] < *aligned);
-        let advice = if let Some(aligned) = aligned {
+        let from = aligned.map(|aligned| Edit::set("reference.from", format!("\"{aligned:.1} s\"")));
+        let advice = if let (Some(aligned), Some(from)) = (aligned, &from) {
             format!(
-                "the largest is of the time before the filter was aligned, at {aligned:.1} s: `reference.from = \"{aligned:.1} s\"` leaves \
-                 it out, and shows what the others are"
+                "the largest is of the time before the filter was aligned, at {aligned:.1} s: {from}, which leaves it out and shows what \
+                 the others are"
             )
         } else if self.is_recorded {
             format!("either the filter or the reference is wrong: {CHECK} compares both with the way travelled")
@@ -309,6 +328,8 @@ impl Judged<'_> {
                 100.0 * axes.inside[2]
             ),
             advice,
+            edits: from.into_iter().collect(),
+            ..Finding::of("heading-wrong")
         })
     }
 }
@@ -384,6 +405,7 @@ fn constant_heading(score: &Score) -> Option<Finding> {
              odometer, or whether the reference has an axis of its own (`[reference] remove_mean_mounting`)"
                 .to_owned()
         },
+        ..Finding::of("heading-constant")
     })
 }
 
@@ -425,6 +447,7 @@ fn wrong_arm(offset: &Offset, point: [f64; 3]) -> Option<Finding> {
              of position",
             metres(arm)
         ),
+        ..Finding::of("reference-arm")
     })
 }
 
@@ -445,6 +468,7 @@ pub(super) fn bold_outages(drift: &[Drift]) -> Option<Finding> {
         about: "outages".to_owned(),
         evidence: format!("at the end of {bold} of {all} outages the error is more than 3σ of the filter"),
         advice: drifting(),
+        ..Finding::of("outages-outside")
     })
 }
 
@@ -473,6 +497,7 @@ pub(super) fn far_outage(drift: &[Drift]) -> Option<Finding> {
             short(worst.end_ratio())
         ),
         advice: moved.unwrap_or_default() + &drifting(),
+        ..Finding::of("outage-far")
     })
 }
 

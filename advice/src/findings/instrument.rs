@@ -37,6 +37,8 @@ pub(super) struct Instrument {
     pub(super) channels: &'static [&'static str],
     /// The other parameters of its block that may be wrong, fixed or estimated.
     pub(super) parameters: Vec<String>,
+    /// The key of its 1σ; `None` if its file reports it.
+    pub(super) noise_key: Option<String>,
     /// The 1σ that its source may report; `None` if the sensor already uses it, or cannot use it.
     pub(super) reports: Option<Reports>,
 }
@@ -138,6 +140,7 @@ impl Instrument {
                     &["sign", "unit"]
                 },
                 parameters: parameters(&own),
+                noise_key: noise_key(sensor),
                 reports: reports(design, sensor),
             }
         });
@@ -237,6 +240,13 @@ pub(super) fn constant_biases(process: &Node) -> Vec<String> {
     };
     let parts = ["gyro", "accelerometer"].into_iter().filter(|part| is_constant(part));
     parts.map(|part| format!("`process.{part}.bias`")).collect()
+}
+
+/// The key of the 1σ of a sensor, unless its rows report their own.
+fn noise_key(sensor: &Named<SensorDesign>) -> Option<String> {
+    let noise = sensor.node.get("noise").filter(|_| !sensor.block.common.noise.from_source)?;
+    let key = if noise.get("sigma").is_some() { "noise.sigma" } else { "noise" };
+    Some(format!("sensor.{}.{key}", sensor.name))
 }
 
 /// The 1σ that the source of a sensor may report and that the sensor does not use.

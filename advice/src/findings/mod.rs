@@ -29,9 +29,10 @@ mod tests;
 use self::instrument::{Instrument, Measures};
 use self::sensors::{disagrees_from, rejected_share};
 use self::stamps::Stamps;
+use fusion::config::Edit;
 use fusion::design::Design;
 use fusion::observe::SensorStatistics;
-use fusion::run::{FinalState, Finding, Summary};
+use fusion::run::{FinalState, Finding, Ignored, Summary};
 use fusion::score::{Consistency, Score, Verdict};
 use fusion_core::filter::ChartKind;
 use fusion_tables::{Unit, short};
@@ -39,6 +40,7 @@ use fusion_tables::{Unit, short};
 fusion::inventory::submit! {
     fusion::run::Advisor {
         name: "fusion",
+        rules: crate::rules::ALL,
         advise: findings,
     }
 }
@@ -69,11 +71,12 @@ const BEYOND: f64 = 1e-3;
 /// A stretch without rows is reported if it is longer than this number of intervals of its source and of seconds.
 const GAP: (f64, f64) = (10.0, 3.0);
 
-/// The findings of a run of `design`; empty if the run is consistent.
+/// The findings of a run of `design` by all rules but the `ignored` ones; empty if the run is consistent.
 #[must_use]
-pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
+pub fn findings(design: &Design, summary: &Summary, ignored: &Ignored) -> Vec<Finding> {
     if summary.started.is_none() {
-        return never_started(design, summary).into_iter().collect();
+        let finding = never_started(design, summary).filter(|f| !ignored.has(&f.rule));
+        return finding.into_iter().collect();
     }
     let instruments = Instrument::of_design(design, &summary.parameters);
     let constant_biases = instrument::constant_biases(&design.process.node);
@@ -93,6 +96,7 @@ pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
         constant_biases: &constant_biases,
         restart_after: design.run.restart_after.map(|silence| silence.si()),
         growth: &growth,
+        ignored,
     };
     judged.findings()
 }
@@ -119,6 +123,7 @@ fn never_started(design: &Design, summary: &Summary) -> Option<Finding> {
         about: "start".to_owned(),
         evidence: format!("the filter never started, though all sources have rows{waits}"),
         advice,
+        ..Finding::of("never-started")
     })
 }
 
@@ -145,32 +150,44 @@ struct Judged<'a> {
     restart_after: Option<f64>,
     /// The settings of the process that define how fast its errors grow.
     growth: &'a [String],
+    /// The rules that are not applied: their findings are not causes of others either.
+    ignored: &'a Ignored,
 }
 
 impl Judged<'_> {
+    fn applies(&self, rule: &str) -> bool {
+        !self.ignored.has(rule)
+    }
+
+    /// The finding, unless its rule is ignored.
+    fn kept(&self, finding: Option<Finding>) -> Option<Finding> {
+        finding.filter(|f| self.applies(&f.rule))
+    }
+
     fn findings(&self) -> Vec<Finding> {
         let late = self.late_start();
-        let (ill, refused_in_a_row) = self.lost().unzip();
+        let (ill, refused_in_a_row) = self.lost().filter(|(f, _)| self.applies(&f.rule)).unzip();
         let refused_in_a_row = refused_in_a_row.flatten();
-        let beyond = self.beyond_range();
-        let disturbed = self.disturbed();
-        let input = self.all_disagree().or_else(|| self.all_refused());
-        let start = self.poor_start();
-        let (spikes, few_spikes) = match self.spikes() {
+        let beyond = self.kept(self.beyond_range());
+        let disturbed = self.kept(self.disturbed());
+        let input = self.kept(self.all_disagree().or_else(|| self.all_refused()));
+        let start = self.kept(self.poor_start());
+        let (spikes, few_spikes) = match self.spikes().filter(|(_, f)| self.applies(&f.rule)) {
             Some((true, spikes)) => (Some(spikes), None),
             Some((false, spikes)) => (None, Some(spikes)),
             None => (None, None),
         };
-        let (input_far, far) = match self.far_parameter().filter(|_| input.is_none()) {
+        let far = self.far_parameter().filter(|(_, f)| input.is_none() && self.applies(&f.rule));
+        let (input_far, far) = match far {
             Some((true, far)) => (Some(far), None),
             Some((false, far)) => (None, Some(far)),
             None => (None, None),
         };
         let refused = if input.is_some() { Vec::new() } else { self.refused() };
-        let first = self.first_to_disagree(&refused);
-        let never_held = self.never_held();
+        let first = self.kept(self.first_to_disagree(&refused));
+        let never_held = self.kept(self.never_held());
         let counted = self.counted();
-        let large: Vec<Finding> = self.sensors().filter_map(|(i, s)| self.large(i, s)).collect();
+        let large: Vec<Finding> = self.sensors().filter_map(|(i, s)| self.kept(self.large(i, s))).collect();
         let is_told = |name: &str| [&large, &refused].into_iter().flatten().chain(&first).any(|f| f.about == name);
         let moved = if input.is_some() { Vec::new() } else { self.moved(is_told) };
         // The causes of errors, in the words that refer to them.
@@ -225,6 +242,7 @@ impl Judged<'_> {
             .chain(few_spikes)
             .chain(self.coasted())
             .chain(self.gaps())
+            .filter(|finding| self.applies(&finding.rule))
             .collect()
     }
 
@@ -313,6 +331,7 @@ impl Judged<'_> {
                 "the vehicle moves more than `process.input.range` allows: widen it if the unit measures so much, else take a unit that \
                      does"
                     .to_owned(),
+            ..Finding::of("input-range")
         })
     }
 
@@ -337,6 +356,7 @@ impl Judged<'_> {
             about: name.clone(),
             evidence: format!("`{name}` has gone far from its initial value, for the `sigma` that it began with"),
             advice: format!("look at {parts}; if they are right, `{name}` is worse known than declared: widen its `sigma`"),
+            ..Finding::of("parameter-far")
         };
         Some((sensor.is_none(), finding))
     }
@@ -353,6 +373,7 @@ impl Judged<'_> {
                 "the data do not decide between them; what is shown is one, and its 1σ knows nothing of the others: give a better start (a \
                      smaller `sigma`) or a sensor that differs between them, as a compass or a velocity ahead does"
                     .to_owned(),
+            ..Finding::of("heading-undecided")
         })
     }
 
@@ -370,6 +391,7 @@ impl Judged<'_> {
                      hardly tell the headings apart decide by small errors of the model; compare both with what is known of the log, and give \
                      a better start or a sensor that differs between them, as a compass or a velocity ahead does"
                 .to_owned(),
+            ..Finding::of("heading-changed")
         })
     }
 
@@ -387,6 +409,7 @@ impl Judged<'_> {
             advice: format!(
                 "the figures are of the rest alone: {other}at the limits of its `[initial]` blocks, or take one that needs less"
             ),
+            ..Finding::of("late-start")
         })
     }
 
@@ -422,6 +445,8 @@ impl Judged<'_> {
                 "linearised once, there, it may settle at a wrong angle with a small 1σ: give a better start (`[initial]`), or try several \
                  (`filter.bank.headings = 8`){again}{astern}"
             ),
+            edits: vec![Edit::set("filter.bank.headings", "8")],
+            ..Finding::of("poor-start")
         })
     }
 
@@ -457,6 +482,7 @@ impl Judged<'_> {
                 "linearised once, in these coordinates, such a heading may be taken for better known than it is: if nothing else is \
                  found wrong, try {other}"
             ),
+            ..Finding::of("uncertain-start")
         })
     }
 
@@ -479,6 +505,7 @@ impl Judged<'_> {
             advice: "if the unit has no such faults, the vehicle moves faster than `process.agility` says: raise its `acceleration` and \
                      `angular_rate`"
                 .to_owned(),
+            ..Finding::of("input-spikes")
         };
         Some((is_harmful, finding))
     }
@@ -491,6 +518,7 @@ impl Judged<'_> {
             evidence: format!("`{stream}` had no usable sample for {coasted:.2} s, and the filter coasted"),
             advice: "look for rows of the unit that are missing or were not used; `process.agility` says what the vehicle may do meanwhile"
                 .to_owned(),
+            ..Finding::of("input-gap")
         })
     }
 
@@ -515,6 +543,7 @@ impl Judged<'_> {
             about,
             evidence,
             advice: advice.to_owned(),
+            ..Finding::of("parameter-unlearnt")
         })
     }
 
@@ -533,6 +562,7 @@ impl Judged<'_> {
                 about: source.name.clone(),
                 evidence: format!("`{}` has no row for {gap:.1} s at {:.1} s", source.name, at.seconds()),
                 advice: "look at the drift there".to_owned(),
+                ..Finding::of("row-gap")
             })
         })
     }
@@ -547,6 +577,7 @@ fn wrong_input(evidence: String) -> Finding {
             "they all are compared with what drives the process: look first at the axes, signs and units of its input ({CHECK} \
              compares it with the others), then at the start"
         ),
+        ..Finding::of("wrong-input")
     }
 }
 

@@ -3,6 +3,7 @@
 use super::instrument::{Instrument, Measures};
 use super::{Finding, Judged};
 use crate::inspect::{Kind, reported_by_name};
+use fusion::config::Edit;
 use fusion::observe::{Excess, Moved};
 use fusion_tables::{Unit, short};
 
@@ -29,7 +30,8 @@ impl Judged<'_> {
         let own = self.instruments.iter().filter(|i| !told(&i.name));
         let mut all: Vec<(&Instrument, Excess)> = own.filter_map(|i| Some((i, self.excess(&i.name)?))).collect();
         all.sort_by(|a, b| ratio(&b.1).total_cmp(&ratio(&a.1)));
-        all.into_iter().map(|(i, excess)| self.moved_by(i, &excess)).collect()
+        let found = all.into_iter().map(|(i, excess)| self.moved_by(i, &excess));
+        found.filter(|f| self.applies(&f.rule)).collect()
     }
 
     /// The calibrations that a sensor moved, except those that a sensor with larger innovations moved at the same time. Where
@@ -48,7 +50,8 @@ impl Judged<'_> {
         let times = ratio(excess).sqrt();
         let name = &sensor.name;
         let first = &excess.moved[0].name;
-        let advice = match self.reported(sensor) {
+        let (reported, edits) = self.reported(sensor).unzip();
+        let advice = match reported {
             Some(reported) => format!(
                 "the 1σ of `{first}` does not include that: {reported}; if innovations are still too large then, multiply the reported 1σ \
                  (`scale`), or `{first}` was worse known before than its 1σ said"
@@ -73,6 +76,8 @@ impl Judged<'_> {
                 moves(&excess.moved)
             ),
             advice,
+            edits: edits.unwrap_or_default(),
+            ..Finding::of("parameter-moved")
         }
     }
 
@@ -84,8 +89,8 @@ impl Judged<'_> {
         })
     }
 
-    /// How a sensor takes the 1σ that its file reports row by row, where it does not.
-    pub(super) fn reported(&self, sensor: &Instrument) -> Option<String> {
+    /// How a sensor takes the 1σ that its file reports row by row, where it does not: the words and the edits.
+    pub(super) fn reported(&self, sensor: &Instrument) -> Option<(String, Vec<Edit>)> {
         let Reports {
             channel,
             width,
@@ -93,12 +98,13 @@ impl Judged<'_> {
             sigma,
         } = sensor.reports.as_ref()?;
         let source = self.summary.sources.iter().find(|s| s.name == sensor.source)?;
-        let noise = format!("`sensor.{}.noise = {{ sigma = {sigma}, from_source = true }}`", sensor.name);
+        let noise = Edit::set(
+            format!("sensor.{}.noise", sensor.name),
+            format!("{{ sigma = {sigma}, from_source = true }}"),
+        );
         if *is_declared {
-            return Some(format!(
-                "`{}` reports the 1σ of each row in its channel `{channel}`: write {noise}",
-                source.name
-            ));
+            let words = format!("`{}` reports the 1σ of each row in its channel `{channel}`: {noise}", source.name);
+            return Some((words, vec![noise]));
         }
         let kind = match sensor.measures? {
             Measures::Position => Kind::PositionSigma,
@@ -109,13 +115,13 @@ impl Judged<'_> {
         let found = all.iter().find(|r| r.kind == kind && r.columns.len() >= *width)?;
         let mut names: Vec<String> = found.columns.iter().map(|name| format!("`{name}`")).collect();
         names.dedup();
-        Some(format!(
-            "the file of `{0}` reports the 1σ of each row in columns that `{0}` does not read, {1}: write `source.{0}.channels.{channel} = \
-             {2}` and {noise}",
+        let columns = Edit::set(format!("source.{}.channels.{channel}", source.name), found.channel(*width));
+        let words = format!(
+            "the file of `{0}` reports the 1σ of each row in columns that `{0}` does not read, {1}: {columns} and {noise}",
             source.name,
-            names.join(", "),
-            found.channel(*width)
-        ))
+            names.join(", ")
+        );
+        Some((words, vec![columns, noise]))
     }
 }
 

@@ -3,6 +3,7 @@
 use super::errors::bold_outages;
 use super::instrument::{Bias, Instrument, Measures, listed};
 use super::{CHECK, FAR, Finding, Judged, LARGE, is_large, ratio};
+use fusion::config::Edit;
 use fusion::health::{Spell, State};
 use fusion::observe::{RejectionStreak, SensorStatistics};
 use fusion::run::{Detector, FaultWindow};
@@ -97,6 +98,7 @@ impl Judged<'_> {
                 "errors follow from them: look at how gates took them (`missed` in the table of sensors), and judge the rest of the run \
                      apart from them (`[reference] episodes`)"
                     .to_owned(),
+            ..Finding::of("fault-used")
         })
     }
 
@@ -107,7 +109,10 @@ impl Judged<'_> {
         let told = gated.filter_map(|(i, s)| Some((disagrees_from(s), self.reacquired(i, s).or_else(|| self.rejected(i, s))?)));
         let mut told: Vec<(f64, Finding)> = told.collect();
         told.sort_by(|a, b| a.0.total_cmp(&b.0));
-        told.into_iter().map(|(_, finding)| finding).collect()
+        told.into_iter()
+            .map(|(_, finding)| finding)
+            .filter(|f| self.applies(&f.rule))
+            .collect()
     }
 
     /// The filter was lost outside declared outages; this finding comes first. Also returns the sensor whose
@@ -163,7 +168,15 @@ impl Judged<'_> {
         let advice = advice.unwrap_or_else(|| "what is shown since then may be wrong: look at what it began with".to_owned());
         let name = refused.map(|(sensor, _)| sensor.name.clone());
         let about = name.clone().unwrap_or_else(|| "health".to_owned());
-        Some((Finding { about, evidence, advice }, name))
+        Some((
+            Finding {
+                about,
+                evidence,
+                advice,
+                ..Finding::of("lost")
+            },
+            name,
+        ))
     }
 
     fn rejected(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
@@ -181,6 +194,7 @@ impl Judged<'_> {
                 self.look(sensor),
                 softer(sensor)
             ),
+            ..Finding::of("gate-rejects")
         })
     }
 
@@ -197,11 +211,12 @@ impl Judged<'_> {
         // Only a declared fault shows that the sensor was wrong, not the estimate.
         let is_own = |w: &&FaultWindow| w.stream == sensor.source || w.stream == sensor.name;
         let fault = self.summary.faults.iter().filter(is_own).find(|w| (w.from..=w.to).contains(&time));
+        let mut edits = Vec::new();
         let advice = match fault {
-            Some(w) if sensor.has_recovery => format!(
-                "it was disturbed then by `{}`: forbid it with `gate.recovery.never_reacquire = true`",
-                w.fault
-            ),
+            Some(w) if sensor.has_recovery => {
+                edits.push(Edit::set(format!("sensor.{}.gate.recovery.never_reacquire", sensor.name), "true"));
+                format!("it was disturbed then by `{}`: {}, which forbids it", w.fault, edits[0])
+            }
             Some(w) => format!("it was disturbed then by `{}`, which its gate took for good", w.fault),
             None => format!(
                 "either it was wrong, or what the estimate had followed until then: another sensor, the input or the start; {}, and do the \
@@ -216,6 +231,8 @@ impl Judged<'_> {
                 s.name
             ),
             advice,
+            edits,
+            ..Finding::of("reacquired")
         })
     }
 
@@ -243,6 +260,7 @@ impl Judged<'_> {
                  others agree then, it was wrong or disturbed",
                 self.look(sensor)
             ),
+            ..Finding::of("first-to-disagree")
         })
     }
 
@@ -314,6 +332,7 @@ impl Judged<'_> {
             format!("{look}; if they are right, raise its `noise` or that of the process")
         };
         let reported = self.reported(sensor).filter(|_| ratio(nis) <= FAR);
+        let (reported, edits) = reported.unzip();
         let advice = reported.map_or_else(|| advice.clone(), |reported| format!("{advice}; {reported}"));
         // Limits that are too wide also accept motion.
         let held = self.detector(sensor).filter(|d| d.held > 0).map_or_else(String::new, |d| {
@@ -333,6 +352,8 @@ impl Judged<'_> {
                 self.moved_too(sensor)
             ),
             advice,
+            edits: edits.unwrap_or_default(),
+            ..Finding::of("nis-large")
         })
     }
 
@@ -380,6 +401,7 @@ impl Judged<'_> {
                 nis.dof
             ),
             advice: format!("it, or what the estimate takes from another sensor, is not quite as declared: let {CHECK} compare them"),
+            ..Finding::of("nis-beyond-chance")
         })
     }
 
@@ -404,6 +426,7 @@ impl Judged<'_> {
                 "if it should have had some, they are too narrow for this unit and vehicle: look at {}{wider}",
                 listed(&sensor.limits)
             ),
+            ..Finding::of("never-held")
         })
     }
 
@@ -431,7 +454,10 @@ impl Judged<'_> {
         });
         let mut told: Vec<(f64, Finding)> = told.collect();
         told.sort_by(|a, b| b.0.total_cmp(&a.0));
-        told.into_iter().map(|(_, finding)| finding).collect()
+        told.into_iter()
+            .map(|(_, finding)| finding)
+            .filter(|f| self.applies(&f.rule))
+            .collect()
     }
 
     /// A sensor whose measurements each repeat the error of the one before.
@@ -456,6 +482,7 @@ impl Judged<'_> {
                  as much is {white}",
                 self.look(sensor),
             ),
+            ..Finding::of("innovations-repeat")
         })
     }
 
@@ -482,10 +509,14 @@ impl Judged<'_> {
             Some(Bias::Fixed) => "; then declare its `bias` as a state with a `correlation_time`",
             _ => "",
         };
-        let much = match (self.reported(sensor), as_white_noise(s)) {
-            (Some(reported), _) => format!("; {reported}"),
-            (None, Some(white)) => format!("; with their correlation its innovations tell as much as a white `noise` of {white}"),
-            (None, None) => String::new(),
+        let white = as_white_noise(s).zip(sensor.noise_key.as_ref());
+        let (much, edits) = match (self.reported(sensor), white) {
+            (Some((reported, edits)), _) => (format!("; {reported}"), edits),
+            (None, Some((white, key))) => (
+                format!("; with their correlation its innovations tell as much as a white `noise` of {white}"),
+                vec![Edit::set(key, format!("{white:?}"))],
+            ),
+            (None, None) => (String::new(), Vec::new()),
         };
         let lag_1 = lag_1(s);
         let advice = match lag_1 {
@@ -503,11 +534,14 @@ impl Judged<'_> {
             Some(rho) if rho < WHITE => format!("its `noise`, or that of the process, is larger than need be{much}"),
             _ => format!("its `noise`, or that of the process, is larger than need be, or {slow}{state}{much}"),
         };
+        let edits = if advice.ends_with(&much) { edits } else { Vec::new() };
         let correlated = lag_1.map_or_else(String::new, |rho| format!(", lag-1 autocorrelation {rho:.2}"));
         Some(Finding {
             about: name.clone(),
             evidence: format!("NIS of `{name}` is {} of {}{correlated}", short(nis.mean), nis.dof),
             advice,
+            edits,
+            ..Finding::of("nis-small")
         })
     }
 
@@ -530,6 +564,7 @@ impl Judged<'_> {
                 "innovations of `{name}` are as large as expected, but each is like the one before, lag-1 autocorrelation {rho:.2}"
             ),
             advice,
+            ..Finding::of("innovations-last")
         })
     }
 }

@@ -4,7 +4,7 @@
 
 use super::instrument::Measures;
 use super::{Finding, Judged, is_large};
-use fusion::config::Node;
+use fusion::config::{Edit, Node};
 use fusion::design::Design;
 use fusion::run::FinalState;
 use fusion::score::Offset;
@@ -140,6 +140,7 @@ impl Judged<'_> {
             // A row cannot be stamped before it is measured: then another clock is wrong.
             is_far && c.delay.seconds > 0.0 && self.nees(c.what).is_some_and(is_large)
         });
+        let latency = |c: &Common| Edit::set(format!("{}.latency", c.channel), format!("\"{:.3} s\"", c.delay.seconds));
         let finding = |c: &Common| Finding {
             about: "reference".to_owned(),
             evidence: format!(
@@ -153,10 +154,9 @@ impl Judged<'_> {
                     .map_or(String::new(), |name| format!(" (by its state `{name}`)")),
                 fusion_tables::short(c.latency)
             ),
-            advice: format!(
-                "write `{}.latency = \"{:.3} s\"`, for its rows are as late",
-                c.channel, c.delay.seconds
-            ),
+            advice: format!("{}, for its rows are as late", latency(c)),
+            edits: vec![latency(c)],
+            ..Finding::of("reference-late")
         };
         let mut all: Vec<(Measures, Finding)> = told.map(|c| (c.what, finding(c))).collect();
         all.dedup();
@@ -170,6 +170,7 @@ impl Judged<'_> {
         let found = self.stamps.common.iter().filter(|c| c.what == Measures::Position);
         let (common, (arm, sigma)) = found.filter_map(|c| Some((c, c.arm?))).find(|(_, arm)| differs(arm))?;
         let listed = |v: [f64; 3]| v.map(|v| format!("{v:.3}")).join(", ");
+        let edit = Edit::set("reference.lever_arm", format!("[{}]", listed(arm)));
         Some(Finding {
             about: "reference".to_owned(),
             evidence: format!(
@@ -180,26 +181,24 @@ impl Judged<'_> {
                 listed(sigma),
                 listed(point)
             ),
-            advice: format!(
-                "it is one point: give `reference.lever_arm = [{}]`, or, if the other was measured, give it to the sensor with `estimate = \
-                 false`",
-                listed(arm)
-            ),
+            advice: format!("it is one point: {edit}, or, if the other was measured, give it to the sensor with `estimate = false`"),
+            edits: vec![edit],
+            ..Finding::of("reference-arm")
         })
     }
 
     /// The positions of the reference and of all sensors are early by the same time: then the process input is late.
-    pub(super) fn late_input(&self, offset: &Offset) -> Option<String> {
+    pub(super) fn late_input(&self, offset: &Offset) -> Option<(String, Edit)> {
         let is_alike = |d: &Delay| d.state.is_some() && (d.seconds - offset.latency).abs() < ALIKE * offset.latency.abs();
         let (first, all) = (self.stamps.of_position.first()?, &self.stamps.of_position);
         let (source, now) = self.stamps.input.as_ref().filter(|_| all.iter().all(is_alike))?;
         let state = first.state.as_deref().unwrap_or_default();
-        Some(format!(
-            "so is `{state}`, {:.3} s, and nothing is stamped before it is measured: the clock of the process input is late by as much. Write \
-             `source.{source}.time.offset = \"{:.3} s\"`, {:.3} s less than now, and make the `time_offset` of each sensor larger by as much",
-            first.seconds,
-            now + first.seconds,
-            -first.seconds
-        ))
+        let edit = Edit::set(format!("source.{source}.time.offset"), format!("\"{:.3} s\"", now + first.seconds));
+        let advice = format!(
+            "so is `{state}`, {:.3} s, and nothing is stamped before it is measured: the clock of the process input is late by as much; \
+             {edit}, {:.3} s less than now, and make the `time_offset` of each sensor larger by as much",
+            first.seconds, -first.seconds
+        );
+        Some((advice, edit))
     }
 }

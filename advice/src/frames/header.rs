@@ -40,7 +40,7 @@ fn contradiction(table: &Node) -> Option<Diagnostic> {
         .find(|(c, s)| differs(c, s, declared))?;
     let message = format!("the column `{column}` is named as in `{stated}`, but the `unit` that is declared is `{declared}`");
     let help = format!("write `unit = {stated:?}` if the name is right; if it is not, leave it: this is only a warning");
-    Some(Diagnostic::warning(message).at(unit.place()).help(help))
+    Some(Diagnostic::warning(message).at(unit.place()).rule("named-unit").help(help))
 }
 
 /// Returns true if two units differ. The last letters of a name may not be a unit, for example `mag_g`. So without

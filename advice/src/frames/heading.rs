@@ -1,5 +1,6 @@
 //! Compares headings with courses.
 
+use super::mistake::Remedy;
 /// Agreement of headings with courses: length and direction of the mean of e^{i(course − heading)} and e^{i(course +
 /// heading)}.
 pub(super) struct Turned {
@@ -28,7 +29,7 @@ impl Turned {
     }
 
     /// The mistake, and the text to write.
-    pub(super) fn wrong(&self) -> Option<(String, String)> {
+    pub(super) fn wrong(&self) -> Option<(String, Remedy)> {
         let quarters = |angle: f64| (angle / core::f64::consts::FRAC_PI_2).round();
         let near = |angle: f64| (angle - quarters(angle) * core::f64::consts::FRAC_PI_2).abs() < 0.4;
         let ((along, offset), (against, sum)) = (self.along, self.against);
@@ -36,7 +37,7 @@ impl Turned {
             let degrees = quarters(offset) * 90.0;
             let help =
                 format!("add {degrees} deg to the heading: an `offset`, a `rotation` or a `navigation_rotation`; or the vehicle moves so");
-            return Some((format!("the course is {degrees}° clockwise of it"), help));
+            return Some((format!("the course is {degrees}° clockwise of it"), Remedy::words(help)));
         }
         if against > TIED && along < 0.7 && near(sum) {
             let from = ["north", "east", "south", "west"][(quarters(sum) as i64).rem_euclid(4) as usize];
@@ -49,7 +50,7 @@ impl Turned {
                 "north" => format!("{minus}, or of a quaternion the opposite of its `inverse`"),
                 _ => format!("{minus}, with the `offset` `\"{} deg\"`", 90.0 * quarters(sum)),
             };
-            return Some((format!("it is counted anti-clockwise from {from}"), help));
+            return Some((format!("it is counted anti-clockwise from {from}"), Remedy::words(help)));
         }
         None
     }

@@ -4,12 +4,12 @@ use super::clock::{self, Clocks};
 use super::free;
 use super::heading::Turned;
 use super::log::{self, Track};
-use super::mistake::{self, Axes, Whole, at, complete, differing, names, remedy, unit};
+use super::mistake::{self, Axes, Remedy, Whole, at, complete, differing, names, remedy, unit};
 use super::motion::{self, Attitudes, GRAVITY, Velocities};
 use super::regression::{ENOUGH, FAR, Fit, NEAR, fit};
 use super::upright::Upright;
 use super::world::Moved;
-use fusion::config::{Diagnostic, Diagnostics, Node};
+use fusion::config::{Diagnostic, Diagnostics, Edit, Node};
 use fusion::design::Design;
 use fusion::run::Options;
 use fusion_models::units::Duration;
@@ -182,6 +182,11 @@ impl Judge<'_> {
         &self.design.sources[track.source].node
     }
 
+    /// The path of the table of a channel in the design.
+    pub(super) fn table(&self, track: &Track) -> String {
+        format!("source.{}.channels.{}", self.design.sources[track.source].name, track.channel)
+    }
+
     pub(super) fn name(&self, track: &Track) -> String {
         format!("{}.{}", self.design.sources[track.source].name, track.channel)
     }
@@ -308,25 +313,26 @@ impl Judge<'_> {
                     };
                     format!("; the sign of {row} is not decided by these data: it is {is}")
                 });
-                remedy(channel, &axes) + &open
+                remedy(channel, &axes).and(&open)
             }
             None => {
                 let unknown: Vec<&str> = (0..3).filter(|i| known[*i].is_none()).map(|i| names(is_world)[i]).collect();
                 match unknown[..] {
-                    [] => "two axes seem to be the same: check the columns".to_owned(),
-                    _ if is_upside_down(track, known) => format!(
+                    [] => Remedy::words("two axes seem to be the same: check the columns"),
+                    _ if is_upside_down(track, known) => Remedy::words(format!(
                         "a unit that is upside down has its gyros turned too: {}, and the gyros likewise; or name the axes in which it is mounted",
-                        remedy(channel, &UPSIDE_DOWN)
-                    ),
-                    _ => format!(
+                        remedy(channel, &UPSIDE_DOWN).words
+                    )),
+                    _ => Remedy::words(format!(
                         "change the columns or their signs; about {} these data say nothing",
                         unknown.join(" and ")
-                    ),
+                    )),
                 }
             }
         };
         let or = or.map_or_else(String::new, |or| format!("; or, {or}"));
-        at(node, track.channel, "columns", message).help(help + &or)
+        help.and(&or)
+            .of(at("axes", node, track.channel, "columns", message), &self.table(track))
     }
 
     /// The numbers of a channel are too small or too large by a factor.
@@ -337,7 +343,8 @@ impl Judge<'_> {
         // A rate compared with a course includes slip and lag, so its tolerance is wide.
         let within = if track.channel == "velocity" { within.max(0.05) } else { 0.25 };
         let help = unit(channel, track.channel, small, within, track.rate);
-        at(node, track.channel, "unit", message).help(help.unwrap_or_else(|| "check `unit` and `scale`".to_owned()))
+        let help = help.unwrap_or_else(|| Remedy::words("check `unit` and `scale`"));
+        help.of(at("unit", node, track.channel, "unit", message), &self.table(track))
     }
 
     /// The attitude to compare the instruments with. It must not contradict the course.
@@ -389,22 +396,23 @@ impl Judge<'_> {
             "the heading of `{}` is not what is declared, clockwise from north: {what}",
             self.name(track)
         );
-        let told = at(self.node(track), track.channel, "quaternion", message).help(help);
+        let told = at("heading-form", self.node(track), track.channel, "quaternion", message);
+        let told = help.of(told, &self.table(track));
         self.found.mistakes.push(told);
         false
     }
 
     /// For a heading that does not follow the course: the mistake and its correction, if it is in another unit.
-    fn other_unit(&self, track: &Track, moved: &Moved, agreed: &Turned) -> Option<(String, String)> {
+    fn other_unit(&self, track: &Track, moved: &Moved, agreed: &Turned) -> Option<(String, Remedy)> {
         let declared = self
             .node(track)
             .at(&format!("channels.{}.unit", track.channel))
             .and_then(Node::as_str)?;
         let unit = ["deg", "rad"].into_iter().find(|unit| *unit != declared)?;
-        let written = format!("unit = {unit:?}");
-        let other = self.read_as(track, std::slice::from_ref(&written)).filter(|_| !agreed.is_tied())?;
+        let value = format!("{unit:?}");
+        let other = self.read_as(track, &[("unit", value.clone())]).filter(|_| !agreed.is_tied())?;
         let is_right = Turned::of(&moved.headings(&other))?.is_right();
-        is_right.then(|| (format!("it goes with the course as {unit}"), format!("write `{written}`")))
+        is_right.then(|| (format!("it goes with the course as {unit}"), Remedy::write(&[("unit", value)])))
     }
 
     /// Judges each inertial unit.
@@ -500,15 +508,13 @@ impl Judge<'_> {
             shift.abs()
         );
         let offset = declared.map_or(0.0, Duration::si) + shift;
-        let help = format!(
-            "write `source.{}.time.offset = \"{offset:.2} s\"`, or find out which of the two clocks is wrong",
-            named.name
-        );
+        let edit = Edit::set(format!("source.{}.time.offset", named.name), format!("\"{offset:.2} s\""));
+        let help = format!("{edit}, or find out which of the two clocks is wrong");
         let place = named
             .node
             .at("time.offset")
             .map_or_else(|| named.node.place_of("time"), Node::place);
-        Diagnostic::warning(message).at(place).help(help)
+        Diagnostic::warning(message).at(place).rule("clock").help(help).edits(vec![edit])
     }
 
     /// Compares a specific force with gravity and with the motion, for times at which the gyros show hardly any

@@ -1,6 +1,6 @@
 //! The text for a mistake, and its correction.
 
-use fusion::config::{Diagnostic, Node};
+use fusion::config::{Diagnostic, Edit, Node};
 use fusion_models::units::parse_unit;
 
 /// For each body axis: the declared axis, and whether its sign is inverted.
@@ -68,6 +68,60 @@ pub(super) fn signed(name: &str, negative: bool) -> String {
     if negative { format!("-{name}") } else { name.to_owned() }
 }
 
+/// The correction of a channel: in words, and as edits of keys of its table. Without edits it needs a decision.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Remedy {
+    pub(super) words: String,
+    pub(super) edits: Vec<Edit>,
+}
+
+impl Remedy {
+    /// Words alone.
+    pub(super) fn words(words: impl Into<String>) -> Self {
+        Self {
+            words: words.into(),
+            edits: Vec::new(),
+        }
+    }
+
+    /// Writes the values of keys.
+    pub(super) fn write(assignments: &[(&str, String)]) -> Self {
+        let each: Vec<String> = assignments.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+        Self {
+            words: format!("write `{}`", each.join(", ")),
+            edits: assignments.iter().map(|(key, value)| Edit::set(*key, value)).collect(),
+        }
+    }
+
+    /// Leaves a key out.
+    fn leave_out(key: &str) -> Self {
+        Self {
+            words: format!("leave out `{key}`"),
+            edits: vec![Edit::leave_out(key)],
+        }
+    }
+
+    /// The cause before the correction.
+    pub(super) fn after(self, cause: &str) -> Self {
+        Self {
+            words: format!("{cause}: {}", self.words),
+            ..self
+        }
+    }
+
+    /// More words.
+    pub(super) fn and(mut self, more: &str) -> Self {
+        self.words += more;
+        self
+    }
+
+    /// Corrects a mistake in the table at the path `table`.
+    pub(super) fn of(self, told: Diagnostic, table: &str) -> Diagnostic {
+        let edits = self.edits.into_iter().map(|edit| edit.within(table));
+        told.help(self.words).edits(edits.collect())
+    }
+}
+
 /// The names of axes of the body, or of the world.
 pub(super) const fn names(is_world: bool) -> [&'static str; 3] {
     if is_world { WORLD } else { NAMES }
@@ -95,7 +149,7 @@ pub(super) fn differing(known: &[Option<(usize, bool)>; 3], is_world: bool) -> S
 }
 
 /// The correction for the table of a channel.
-pub(super) fn remedy(channel: Option<&Node>, axes: &Axes) -> String {
+pub(super) fn remedy(channel: Option<&Node>, axes: &Axes) -> Remedy {
     let columns: Option<Vec<&str>> = channel
         .and_then(|c| c.get("columns"))
         .and_then(|c| match c.value() {
@@ -109,15 +163,15 @@ pub(super) fn remedy(channel: Option<&Node>, axes: &Axes) -> String {
     match (columns, before) {
         (_, Some(before)) if is_turned && rotation.is_some() => {
             let after = axes.map(|(axis, negative)| (before[axis].0, before[axis].1 != negative));
-            format!("write `rotation = {{ axes = [{}] }}`", list(&after))
+            Remedy::write(&[("rotation", format!("{{ axes = [{}] }}", list(&after)))])
         }
-        (Some(columns), Some(before)) => format!("write `columns = [{}]`", exchanged(&columns, &before, axes).join(", ")),
-        (None, Some(_)) if is_turned => format!("write `rotation = {{ axes = [{}] }}`", list(axes)),
-        (_, None) if is_turned => format!("after the `rotation` there, turn the axes by `{}`", list(axes)),
-        _ => format!(
+        (Some(columns), Some(before)) => Remedy::write(&[("columns", format!("[{}]", exchanged(&columns, &before, axes).join(", ")))]),
+        (None, Some(_)) if is_turned => Remedy::write(&[("rotation", format!("{{ axes = [{}] }}", list(axes)))]),
+        (_, None) if is_turned => Remedy::words(format!("after the `rotation` there, turn the axes by `{}`", list(axes))),
+        _ => Remedy::words(format!(
             "the axes are left-handed: change the sign of a column; the body axes are {}",
             list(axes)
-        ),
+        )),
     }
 }
 
@@ -152,14 +206,14 @@ fn axes_of(rotation: &Node) -> Option<Axes> {
     Some(found)
 }
 
-/// A mistake in a channel of a source.
-pub(super) fn at(source: &Node, channel: &str, key: &str, message: String) -> Diagnostic {
+/// A mistake in a channel of a source, found by `rule`.
+pub(super) fn at(rule: &'static str, source: &Node, channel: &str, key: &str, message: String) -> Diagnostic {
     let path = format!("channels.{channel}");
     let place = match source.at(&path).and_then(|c| c.get(key)) {
         Some(node) => node.place(),
         None => source.place_of(&path),
     };
-    Diagnostic::warning(message).at(place)
+    Diagnostic::warning(message).at(place).rule(rule)
 }
 
 /// The units of the columns of a channel, as they are written.
@@ -184,7 +238,7 @@ pub(super) fn is_of_velocities(factor: f64) -> bool {
 
 /// The possible cause of a wrong factor, and its correction. `small` is the factor by which the numbers are too small.
 /// `within` is the uncertainty of its logarithm. `rate` is the number of samples per second.
-pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, rate: f64) -> Option<String> {
+pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, rate: f64) -> Option<Remedy> {
     let is = |factor: f64| (small / factor).ln().abs() < within;
     let is_increment = node.and_then(|n| n.get("increment")).is_some_and(|n| n.inline() == "true");
     let all = units(channel, is_increment);
@@ -192,7 +246,7 @@ pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, 
     let size = |unit: &str| parse_unit(unit).ok().map(|(size, _)| size);
     let scale: f64 = node.and_then(|n| n.get("scale")).map_or(Some(1.0), |n| n.inline().parse().ok())?;
     if scale != 1.0 && is(1.0 / scale) {
-        return Some("it would fit without the `scale`: leave it out".to_owned());
+        return Some(Remedy::leave_out("scale").after("it would fit without the `scale`"));
     }
     let declared_size = size(declared)?;
     let away = |unit: &str| Some((size(unit)? / (declared_size * scale * small)).ln().abs());
@@ -203,15 +257,20 @@ pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, 
     // A rate of 50 rows per second is close to 57.3, the degrees per radian.
     let is_nearer = |factor: f64| is(factor) && nearest.is_none_or(|(away, _)| (small / factor).ln().abs() < away);
     if matches!(channel, "angular_rate" | "specific_force") && !is_increment && is_nearer(rate) {
-        return Some("the columns hold increments over a sample: write `increment = true`".to_owned());
+        let increment = Remedy::write(&[("increment", "true".to_owned())]);
+        return Some(increment.after("the columns hold increments over a sample"));
     }
     if is_increment && is_nearer(1.0 / rate) {
-        return Some("the columns hold rates, no increments: leave out `increment`".to_owned());
+        return Some(Remedy::leave_out("increment").after("the columns hold rates, no increments"));
     }
     let (_, unit) = nearest?;
-    Some(format!(
-        "`{declared}` is declared, the numbers fit `{unit}`: write `unit = {unit:?}`"
-    ))
+    Some(fitting(declared, unit))
+}
+
+/// The numbers of a channel fit another unit than declared.
+pub(super) fn fitting(declared: &str, unit: &str) -> Remedy {
+    let written = Remedy::write(&[("unit", format!("{unit:?}"))]);
+    written.after(&format!("`{declared}` is declared, the numbers fit `{unit}`"))
 }
 
 #[cfg(test)]
@@ -251,7 +310,7 @@ mod tests {
             ("velocity", "{}", 1.0 / 3.6, "write `unit = \"km/h\"`"),
             ("velocity", r#"{ unit = "kn" }"#, 3600.0 / 1852.0, "write `unit = \"m/s\"`"),
             ("velocity", r#"{ unit = "m/s" }"#, 0.3048, "write `unit = \"ft/s\"`"),
-            ("velocity", r#"{ unit = "m/s", scale = 1.9 }"#, 1.0 / 1.9, "leave it out"),
+            ("velocity", r#"{ unit = "m/s", scale = 1.9 }"#, 1.0 / 1.9, "leave out `scale`"),
             ("angular_rate", r#"{ unit = "rad/s" }"#, 0.01745, "write `unit = \"deg/s\"`"),
             ("specific_force", r#"{ unit = "g" }"#, 0.102, "write `unit = \"m/s^2\"`"),
             ("specific_force", r#"{ unit = "m/s" }"#, 100.0, "write `increment = true`"),
@@ -262,8 +321,9 @@ mod tests {
                 "leave out `increment`",
             ),
         ] {
-            let told = told(channel, table, small).unwrap_or_default();
-            assert!(told.contains(write), "{channel} {table} {small}: {told}");
+            let told = told(channel, table, small).unwrap();
+            assert!(told.words.contains(write), "{channel} {table} {small}: {told:?}");
+            assert_eq!(told.edits.len(), 1, "{told:?}");
         }
         assert_eq!(told("velocity", r#"{ unit = "m/s" }"#, 1.43), None, "no unit is that large");
     }

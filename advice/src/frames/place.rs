@@ -1,6 +1,7 @@
 //! Finds positions that disagree with all other data in place or motion, and the likely mistakes in their declaration.
 
 use super::log::Track;
+use super::mistake::Remedy;
 use super::motion::LONGEST;
 use fusion::config::Node;
 use fusion_core::geometry::so3::wrap_angle;
@@ -79,18 +80,18 @@ impl Change {
     }
 
     /// The correction; `None` if the position is not declared by latitude and longitude.
-    pub(super) fn remedy(self, channel: Option<&Node>) -> Option<String> {
+    pub(super) fn remedy(self, channel: Option<&Node>) -> Option<Remedy> {
         let column = |i: usize| channel?.get(KEYS[i])?.as_str();
         let latitude = column(0)?;
-        Some(match self {
+        Some(Remedy::write(&match self {
             Self::Sign(i) => {
                 let name = column(i)?;
                 let other = name.strip_prefix('-').map_or_else(|| format!("-{name}"), str::to_owned);
-                format!("write `{} = {other:?}`", KEYS[i])
+                vec![(KEYS[i], format!("{other:?}"))]
             }
-            Self::Exchanged => format!("write `latitude = {:?}, longitude = {latitude:?}`", column(1)?),
-            Self::Factor(k) => format!("write `unit = {:?}`", if k > 1.0 { "rad" } else { "deg" }),
-        })
+            Self::Exchanged => vec![("latitude", format!("{:?}", column(1)?)), ("longitude", format!("{latitude:?}"))],
+            Self::Factor(k) => vec![("unit", format!("{:?}", if k > 1.0 { "rad" } else { "deg" }))],
+        }))
     }
 }
 

@@ -3,8 +3,8 @@
 
 use super::judge::{Comparison, Judge};
 use super::log::Track;
-use super::mistake::at;
-use fusion::config::{Diagnostic, Node};
+use super::mistake::{Remedy, at, fitting};
+use fusion::config::{Diagnostic, Edit, Node};
 use fusion_models::units::parse_unit;
 use fusion_tables::short;
 
@@ -79,13 +79,13 @@ impl Judge<'_> {
             _ => false,
         };
         let help = match range.units.iter().find(is_right) {
-            Some(unit) => format!("`{declared}` is declared, the numbers fit `{unit}`: write `unit = {unit:?}`"),
-            None => "check `unit` and `scale`".to_owned(),
+            Some(unit) => fitting(declared, unit),
+            None => Remedy::words("check `unit` and `scale`"),
         };
         let shown = size(declared).map_or(median, |size| median / size);
         let verdict = format!("a median of {} {declared}: not {}", short(shown), range.words);
         let message = format!("`{}` has {verdict}", self.name(track));
-        let told = at(node, track.channel, "unit", message).help(help);
+        let told = help.of(at("unit", node, track.channel, "unit", message), &self.table(track));
         self.told_of(track, range.words, verdict, told);
     }
 
@@ -114,8 +114,13 @@ impl Judge<'_> {
             let verdict = format!("a row every {} s", short(1.0 / rate));
             let message = format!("`{}` has {verdict}: no inertial unit has", named.name);
             let place = named.node.at("time").map_or_else(|| named.node.place_of("time"), Node::place);
-            let help = format!("`{declared}` is declared, the stamps fit `{unit}`: write `time.unit = {unit:?}`");
-            let told = Diagnostic::warning(message).at(place).help(help);
+            let edit = Edit::set(format!("source.{}.time.unit", named.name), format!("{unit:?}"));
+            let help = format!("`{declared}` is declared, the stamps fit `{unit}`: {edit}");
+            let told = Diagnostic::warning(message)
+                .at(place)
+                .rule("clock-unit")
+                .help(help)
+                .edits(vec![edit]);
             self.told_of(&track, "the rows of an inertial unit", verdict, told);
         }
         self.found.mistakes.is_empty()

@@ -9,12 +9,15 @@ use super::clock;
 use super::field::permutations;
 use super::judge::{Comparison, Expected, Judge, known, turns_little};
 use super::log::{self, Track};
-use super::mistake::at;
+use super::mistake::{Remedy, at};
 use super::motion::{Attitudes, Velocities};
 use super::regression::{FAR, Fit, NEAR};
 use super::world::{is_contradicted, vote};
-use fusion::config::{Node, Value};
+use fusion::config::{Edit, Node, Value};
 use fusion::design::Design;
+
+/// A key of a channel and its value.
+type Assignment = (&'static str, String);
 
 /// The agreement of an attitude with force and rate of an inertial unit.
 struct Agreement {
@@ -94,12 +97,16 @@ impl Judge<'_> {
         }
         let name = self.name(&track);
         let help = match &right {
-            Some((written, _)) => format!("they agree with it as `{}`: write that", written.join(", ")),
-            None => "check the order of its numbers, whether it is the inverse, and its axes: `inverse`, `navigation_rotation`, `rotation`"
-                .to_owned(),
+            Some((written, _)) => Remedy {
+                words: format!("they agree with it as `{}`: write that", listed(written)),
+                ..Remedy::write(written)
+            },
+            None => Remedy::words(
+                "check the order of its numbers, whether it is the inverse, and its axes: `inverse`, `navigation_rotation`, `rotation`",
+            ),
         };
         let message = format!("`{name}` contradicts the inertial unit, and no axes of the unit explain it");
-        let told = at(node, "attitude", "quaternion", message).help(help);
+        let told = help.of(at("attitude-form", node, "attitude", "quaternion", message), &self.table(&track));
         self.found.mistakes.push(told);
         self.found.comparisons.push(Comparison {
             what: name,
@@ -108,7 +115,7 @@ impl Judge<'_> {
             correlation: Vec::new(),
             margin: 0.0,
             verdict: match &right {
-                Some((written, _)) => format!("written as `{}`", written.join(", ")),
+                Some((written, _)) => format!("written as `{}`", listed(written)),
                 None => "contradicted, and no axes of the unit explain it".to_owned(),
             },
         });
@@ -134,20 +141,26 @@ impl Judge<'_> {
     }
 
     /// Reads a channel with another declaration.
-    pub(super) fn read_as(&self, track: &Track, written: &[String]) -> Option<Track> {
+    pub(super) fn read_as(&self, track: &Track, written: &[Assignment]) -> Option<Track> {
         let mut document = self.design.document.clone();
-        let path = format!("source.{}.channels.{}", self.design.sources[track.source].name, track.channel);
-        written.iter().try_for_each(|one| document.set(&format!("{path}.{one}"))).ok()?;
+        let table = self.table(track);
+        let edits = written.iter().map(|(key, value)| Edit::set(*key, value).within(&table));
+        edits.into_iter().try_for_each(|edit| document.apply(&edit)).ok()?;
         let design = Design::read(document).ok()?;
         let read = log::read_source(&design, self.options, track.source).ok()?;
         read.into_iter().find(|other| other.channel == track.channel)
     }
 }
 
-/// Other declarations of an attitude, as text to write.
-fn declarations(channel: Option<&Node>) -> Vec<Vec<String>> {
+fn listed(written: &[Assignment]) -> String {
+    let each: Vec<String> = written.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+    each.join(", ")
+}
+
+/// Other declarations of an attitude.
+fn declarations(channel: Option<&Node>) -> Vec<Vec<Assignment>> {
     let inverse = channel.and_then(|c| c.get("inverse")).is_some_and(|n| n.inline() == "true");
-    let inverse = format!("inverse = {}", !inverse);
+    let inverse = ("inverse", (!inverse).to_string());
     let columns = channel.and_then(|c| c.get("quaternion")).and_then(|q| match q.value() {
         Value::Array(items) => items.iter().map(Node::as_str).collect::<Option<Vec<&str>>>(),
         _ => None,
@@ -155,25 +168,25 @@ fn declarations(channel: Option<&Node>) -> Vec<Vec<String>> {
     let mut orders = Vec::new();
     if let Some([a, b, c, d]) = columns.as_deref() {
         // Scalar last instead of scalar first, and the reverse.
-        orders.extend([[d, a, b, c], [b, c, d, a]].map(|order| format!("quaternion = {order:?}")));
+        orders.extend([[d, a, b, c], [b, c, d, a]].map(|order| ("quaternion", format!("{order:?}"))));
     }
     let alone = orders.iter().map(|order| vec![order.clone()]);
     let both = orders.iter().map(|order| vec![order.clone(), inverse.clone()]);
-    let mut all: Vec<Vec<String>> = alone.chain([vec![inverse.clone()]]).chain(both).collect();
+    let mut all: Vec<Vec<Assignment>> = alone.chain([vec![inverse.clone()]]).chain(both).collect();
     // Forward, left, up, in a world with the vertical axis up.
     if ["rotation", "navigation_rotation"]
         .iter()
         .all(|key| channel.is_none_or(|c| c.get(key).is_none()))
     {
-        let up = ["rotation", "navigation_rotation"].map(|key| format!("{key} = {{ axes = [\"x\", \"-y\", \"-z\"] }}"));
+        let up = ["rotation", "navigation_rotation"].map(|key| (key, "{ axes = [\"x\", \"-y\", \"-z\"] }".to_owned()));
         let turned = all.iter().map(|written| [&written[..], &up[..]].concat());
-        let turned: Vec<Vec<String>> = turned.chain([up.to_vec()]).collect();
+        let turned: Vec<Vec<Assignment>> = turned.chain([up.to_vec()]).collect();
         all.extend(turned);
     }
     // Angles in another unit.
     if channel.is_some_and(|c| c.get("rpy").is_some()) {
         let is_degrees = channel.and_then(|c| c.get("unit")).and_then(Node::as_str) == Some("deg");
-        all.push(vec![format!("unit = {:?}", if is_degrees { "rad" } else { "deg" })]);
+        all.push(vec![("unit", format!("{:?}", if is_degrees { "rad" } else { "deg" }))]);
     }
     all
 }

@@ -5,7 +5,7 @@ use super::clock;
 use super::heading::Turned;
 use super::judge::{Compared, Comparison, Expected, Judge, LONG, known, sized, turned, wrong_factor};
 use super::log::Track;
-use super::mistake::{self, Whole, at, complete, differing};
+use super::mistake::{self, Remedy, Whole, at, complete, differing};
 use super::motion::{MIN_SPEED, Told, Velocities, course, headings, slopes};
 use super::place::{self, Change};
 use super::regression::{FAR, Fit, NEAR};
@@ -207,13 +207,16 @@ impl Judge<'_> {
         let channel = node.at("channels.position");
         let help = match &change {
             Some((change, _)) => {
-                let write = change.remedy(channel).map_or_else(String::new, |write| format!(": {write}"));
-                format!("they would fit {}{write}", change.condition())
+                let fit = format!("they would fit {}", change.condition());
+                match change.remedy(channel) {
+                    Some(write) => write.after(&fit),
+                    None => Remedy::words(fit),
+                }
             }
-            None => format!("check the columns, their order, signs and unit, or {from}"),
+            None => Remedy::words(format!("check the columns, their order, signs and unit, or {from}")),
         };
         let verdict = away.to_owned();
-        let told = at(node, "position", "latitude", message).help(help);
+        let told = help.of(at("position-far", node, "position", "latitude", message), &self.table(track));
         self.found.mistakes.push(told);
         self.found.comparisons.push(Comparison {
             what: name,
@@ -284,7 +287,7 @@ impl Judge<'_> {
             .then(|| self.change(right, wrong))
             .flatten();
         let or = or.and_then(|(change, _)| change.remedy(self.node(&right.track).at("channels.position")));
-        let or = or.map(|write| format!("if it is the position that is wrong, {write} there"));
+        let or = or.map(|remedy| format!("if it is the position that is wrong, {} there", remedy.words));
         let compared = Compared {
             with: &right.name,
             is_world: true,
@@ -366,8 +369,11 @@ impl Judge<'_> {
             "the position of `{name}` contradicts {} and what else shows the motion: {says}",
             right.name
         );
-        let help = help.unwrap_or_else(|| "check the columns, their order, signs and unit".to_owned());
-        let told: Diagnostic = at(node, "position", "latitude", message).help(help);
+        let help = help.unwrap_or_else(|| Remedy::words("check the columns, their order, signs and unit"));
+        let told: Diagnostic = help.of(
+            at("position-form", node, "position", "latitude", message),
+            &self.table(&wrong.track),
+        );
         self.found.comparisons.push(list(says));
         self.found.mistakes.push(told);
         match change {
@@ -406,7 +412,7 @@ impl Judge<'_> {
 
 /// The text for a position given by its distances from the origin. The expected value of a row is at the axis of
 /// `whole`.
-fn local(channel: Option<&Node>, whole: &Whole) -> Option<String> {
+fn local(channel: Option<&Node>, whole: &Whole) -> Option<Remedy> {
     let keys = ["north", "east", if channel?.get("up").is_some() { "up" } else { "down" }];
     let columns = keys.iter().map(|key| channel?.get(key)?.as_str()).collect::<Option<Vec<&str>>>()?;
     // Up against down.
@@ -421,7 +427,7 @@ fn local(channel: Option<&Node>, whole: &Whole) -> Option<String> {
             .strip_prefix('-')
             .map_or((false, columns[*axis]), |name| (true, name));
         let is_negative = [minus, *negative, is_up(row), is_up(*axis)].iter().filter(|m| **m).count() % 2 == 1;
-        format!("{} = {:?}", keys[row], mistake::signed(name, is_negative))
+        (keys[row], format!("{:?}", mistake::signed(name, is_negative)))
     });
-    Some(format!("write `{}`", written.collect::<Vec<_>>().join(", ")))
+    Some(Remedy::write(&written.collect::<Vec<_>>()))
 }

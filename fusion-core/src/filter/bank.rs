@@ -69,6 +69,7 @@ struct Report {
     predicted: Vec<f64>,
     residual: Vec<f64>,
     sigma: Vec<f64>,
+    factor: Vec<f64>,
     power: Vec<f64>,
     answer: Answer,
     nis: f64,
@@ -88,6 +89,7 @@ impl Report {
             predicted: Vec::new(),
             residual: Vec::new(),
             sigma: Vec::new(),
+            factor: Vec::new(),
             power: Vec::new(),
             answer: NOT_ASKED,
             nis: f64::NAN,
@@ -103,6 +105,7 @@ impl Report {
             (&mut self.predicted, update.predicted),
             (&mut self.residual, update.residual),
             (&mut self.sigma, update.innovation_sigma),
+            (&mut self.factor, update.innovation_factor),
             (&mut self.power, update.power),
         ];
         for (copy, original) in copies {
@@ -677,6 +680,7 @@ impl Estimator for Bank {
             noise: &observed.noise[..size.residual * size.residual],
             residual: &report.residual,
             innovation_sigma: &report.sigma,
+            innovation_factor: &report.factor,
             nis: report.nis,
             statistic: report.answer.statistic,
             threshold: report.answer.threshold,

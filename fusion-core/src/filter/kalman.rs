@@ -380,6 +380,7 @@ impl Filter {
         let Size { value, residual: m } = observed.model.size();
         self.work.rows = m;
         self.work.sigma[..m].fill(f64::NAN);
+        self.work.innovation_factor[..m * m].fill(f64::NAN);
         self.work.power[..m].fill(f64::NAN);
         self.is_open = self.is_open && self.widest_orientation() > ALIGNED;
         let (is_open, angular) = (self.is_open, Arc::clone(&self.growing.angular));
@@ -401,6 +402,7 @@ impl Filter {
         for i in 0..m {
             work.sigma[i] = work.work.s[i * m + i].sqrt();
         }
+        work.innovation_factor[..m * m].copy_from_slice(&work.work.l[..m * m]);
         Ok(nis)
     }
 
@@ -528,6 +530,7 @@ impl Filter {
             noise: &observed.noise[..m * m],
             residual: &self.work.residual[..m],
             innovation_sigma: &self.work.sigma[..m],
+            innovation_factor: &self.work.innovation_factor[..m * m],
             nis,
             statistic: answer.statistic,
             threshold: answer.threshold,

@@ -320,6 +320,8 @@ pub struct Innovation {
     pub(super) by_parameter: Jacobian,
     pub(super) whitened: Vec<f64>,
     pub(super) sigma: Vec<f64>,
+    /// The factor of S at the prediction, which is reported.
+    pub(super) innovation_factor: Vec<f64>,
     /// (S⁻¹)_ii.
     pub(super) unit_nis: Vec<f64>,
     /// The smallest error per row that the gate's test would reject.
@@ -350,6 +352,7 @@ impl Innovation {
             by_parameter: Jacobian::new(layout, m),
             whitened: vec![0.0; m],
             sigma: vec![0.0; m],
+            innovation_factor: vec![0.0; m * m],
             unit_nis: vec![0.0; m],
             power: vec![0.0; m],
         }

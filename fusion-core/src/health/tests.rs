@@ -131,6 +131,7 @@ impl Bench {
             noise: &[],
             residual: &[],
             innovation_sigma: &[self.innovation; 3],
+            innovation_factor: &[],
             nis,
             statistic: nis,
             threshold: 0.0,

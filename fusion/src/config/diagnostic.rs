@@ -2,6 +2,7 @@
 
 pub use fusion_models::spelling::did_you_mean;
 
+use super::proposal::Edit;
 use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
@@ -95,9 +96,18 @@ pub struct Diagnostic {
     /// Where it was made.
     pub place: Place,
     /// A few words next to the underlined text.
-    pub label: Option<String>,
+    pub label: Option<Box<str>>,
     /// How to correct it.
     pub help: Option<String>,
+    /// What a rule of advice adds; `None` for a mistake of reading. In a box, since most diagnostics have none.
+    pub(crate) advice: Option<Box<Advice>>,
+}
+
+/// What a rule of advice adds to a diagnostic.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Advice {
+    rule: &'static str,
+    edits: Vec<Edit>,
 }
 
 impl Diagnostic {
@@ -109,6 +119,7 @@ impl Diagnostic {
             place: Place::Nowhere,
             label: None,
             help: None,
+            advice: None,
         }
     }
 
@@ -139,7 +150,7 @@ impl Diagnostic {
     /// Puts a few words next to the underlined text.
     pub fn label(self, label: impl Into<String>) -> Self {
         Self {
-            label: Some(label.into()),
+            label: Some(label.into().into_boxed_str()),
             ..self
         }
     }
@@ -150,6 +161,30 @@ impl Diagnostic {
             help: Some(help.into()),
             ..self
         }
+    }
+
+    /// Sets the rule of advice that found the mistake.
+    pub fn rule(mut self, rule: &'static str) -> Self {
+        self.advice.get_or_insert_default().rule = rule;
+        self
+    }
+
+    /// Sets the edits that correct the mistake.
+    pub fn edits(mut self, edits: Vec<Edit>) -> Self {
+        self.advice.get_or_insert_default().edits = edits;
+        self
+    }
+
+    /// The rule of advice that found the mistake; `None` for a mistake of reading.
+    #[must_use]
+    pub fn found_by(&self) -> Option<&'static str> {
+        self.advice.as_ref().map(|advice| advice.rule)
+    }
+
+    /// The edits of the design that correct the mistake; empty if the correction is not certain.
+    #[must_use]
+    pub fn corrections(&self) -> &[Edit] {
+        self.advice.as_ref().map_or(&[], |advice| &advice.edits)
     }
 
     /// Adds to the help.
@@ -188,6 +223,10 @@ impl Diagnostic {
             Severity::Warning => Level::WARNING,
         };
         let title = level.primary_title(self.message.as_str());
+        let title = match self.found_by() {
+            Some(rule) => title.id(rule),
+            None => title,
+        };
         let mut group = match &self.place {
             Place::Nowhere => Group::with_title(title),
             Place::File { path, line } => {

@@ -21,6 +21,7 @@ mod include;
 mod located;
 #[cfg(test)]
 mod mistakes;
+mod proposal;
 mod read;
 mod reader;
 mod text;
@@ -29,5 +30,6 @@ pub use diagnostic::{Diagnostic, Diagnostics, Place, Severity, Source, did_you_m
 pub use document::{Changes, Document, Entry, Node, Value};
 pub use include::Files;
 pub(crate) use include::INCLUDE;
+pub use proposal::Edit;
 pub(crate) use text::is_utf_16;
 pub use text::{Unread, read_piped_text, read_text};

@@ -465,6 +465,7 @@ mod tests {
                 noise: &[],
                 residual: &[0.0; 3],
                 innovation_sigma: &[],
+                innovation_factor: &[],
                 nis,
                 statistic: nis,
                 threshold: f64::INFINITY,

@@ -101,6 +101,7 @@ mod tests {
             noise: &[16.0, 0.0, 0.0, 1.0],
             residual: &[10.0, 9.0],
             innovation_sigma: &[5.0, 1.0],
+            innovation_factor: &[],
             nis: 0.0,
             statistic: 0.0,
             threshold: f64::INFINITY,

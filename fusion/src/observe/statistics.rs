@@ -431,6 +431,7 @@ mod tests {
             noise: &[],
             residual,
             innovation_sigma: &[],
+            innovation_factor: &[],
             nis: 1.0,
             statistic: 1.0,
             threshold: 1.0,
@@ -519,6 +520,7 @@ mod tests {
             for (k, r) in residuals.iter().enumerate() {
                 let update = Update {
                     innovation_sigma: &[0.5],
+                    innovation_factor: &[],
                     ..update(Verdict::Accepted, core::slice::from_ref(r), Mode::Track)
                 };
                 f.judged(at(10.0 + k as f64), false, &update);
@@ -540,6 +542,7 @@ mod tests {
                 let residual = [residual(k)];
                 let update = Update {
                     innovation_sigma: &[0.5],
+                    innovation_factor: &[],
                     ..update(Verdict::Accepted, &residual, Mode::Track)
                 };
                 f.judged(at(10.0 + f64::from(k)), false, &update);

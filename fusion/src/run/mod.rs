@@ -11,7 +11,7 @@ mod summary;
 
 pub use crate::observe::FinalState;
 pub use crate::rows::SourceStatistics;
-pub use advice::{Advisor, Finding};
+pub use advice::{Advisor, Finding, Ignored, Rule};
 pub use files::Finished;
 pub use recorded::open_one;
 pub use saving::Checkpoints;
@@ -87,6 +87,8 @@ pub struct Options {
     pub checkpoint: Option<Checkpoints>,
     /// Resumes the run that was saved there.
     pub resume: Option<PathBuf>,
+    /// The rules of advice that are not applied.
+    pub ignored: Ignored,
 }
 
 /// How far a run is.
@@ -355,7 +357,7 @@ impl<'a> Run<'a> {
             wall_seconds: self.begun.elapsed().as_secs_f64(),
             filter_ns_per_epoch: timing.ns_per_epoch(counters.epochs),
         };
-        summary.findings = advice::findings(self.design, &summary);
+        summary.findings = advice::findings(self.design, &summary, &self.options.ignored);
         let checkpoints = self.options.checkpoint.iter().map(|c| &c.file).chain(&self.options.resume);
         Ok(Finished {
             summary,

@@ -246,6 +246,7 @@ fn told(design: &Design, options: &Options) -> String {
         checkpoint: _,
         resume: _,
         rows: _,
+        ignored: _,
     } = options;
     let is_portable = design.filter.kernel.unwrap_or_default() == Kernel::PORTABLE;
     format!("{seed:?} {smooth:?} {} {data:?} {causal} {is_portable}", out.is_some())

@@ -603,6 +603,7 @@ mod tests {
             noise: &[],
             residual: &[0.1, 0.2],
             innovation_sigma: &[0.1, 0.1],
+            innovation_factor: &[],
             nis: 5.0,
             statistic: 5.0,
             threshold: f64::INFINITY,

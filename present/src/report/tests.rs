@@ -120,6 +120,7 @@ fn update(verdict: Verdict, nis: f64, threshold: f64, mode: Mode) -> Update<'sta
         noise: &[],
         residual: &[],
         innovation_sigma: &[],
+        innovation_factor: &[],
         nis,
         statistic: nis,
         threshold,

@@ -116,7 +116,7 @@ fn gyros_that_turn_otherwise_than_the_field_are_accused_not_acquitted() {
         (format!("{RATE}.unit=\"deg/s\""), "write `unit = \"rad/s\"`"),
     ] {
         let (warnings, found) = told_of(&workspace, BY_HAND, std::slice::from_ref(&set));
-        assert_eq!(warnings.matches("warning: ").count(), 1, "{set}: {warnings}{:?}", found.comparisons);
+        assert_eq!(warnings.matches("warning[").count(), 1, "{set}: {warnings}{:?}", found.comparisons);
         assert!(
             warnings.contains("`imu.angular_rate`") && warnings.contains(write),
             "{set}: {warnings}"
@@ -141,7 +141,7 @@ fn an_attitude_in_another_order_is_accused_and_no_unit() {
         ),
     ] {
         let (warnings, found) = told_of(&workspace, &text, std::slice::from_ref(&set));
-        assert_eq!(warnings.matches("warning: ").count(), 1, "{set}: {warnings}");
+        assert_eq!(warnings.matches("warning[").count(), 1, "{set}: {warnings}");
         assert!(
             warnings.contains("`ahrs.attitude` contradicts") && warnings.contains(write),
             "{set}: {warnings}"
@@ -172,7 +172,7 @@ fn an_attitude_whose_vertical_is_up_and_one_in_another_unit_are_written_right() 
     ] {
         let (warnings, found) = told_of(&workspace, text, &sets);
         assert_eq!(
-            warnings.matches("warning: ").count(),
+            warnings.matches("warning[").count(),
             1,
             "{sets:?}: {warnings}{:?}",
             found.comparisons
@@ -208,11 +208,11 @@ channels.pressure = { column = "p", unit = "Pa" }
         ("source.air.channels.pressure.unit=\"Pa\"", ""),
         ("source.air.channels.pressure.unit=\"hPa\"", "write `unit = \"Pa\"`"),
         ("source.imu.channels.magnetic_field.unit=\"T\"", "write `unit = \"uT\"`"),
-        ("source.imu.time.unit=\"ms\"", "write `time.unit = \"s\"`"),
+        ("source.imu.time.unit=\"ms\"", "write `source.imu.time.unit = \"s\"`"),
     ] {
         let (warnings, _) = told_of(&workspace, &text, &[set.to_owned()]);
         assert_eq!(
-            warnings.matches("warning: ").count(),
+            warnings.matches("warning[").count(),
             usize::from(!write.is_empty()),
             "{set}: {warnings}"
         );

@@ -78,19 +78,25 @@ fn every_frame_mistake_on_the_car_is_named_with_and_without_a_reference() {
             let Some((design, options)) = car(has_reference, &sets) else {
                 return;
             };
-            let (warnings, _) = told(&design, &options);
+            let (warnings, judged) = told(&design, &options);
             for line in expected {
                 assert!(
                     warnings.contains(line),
                     "reference {has_reference}, {sets:?}: {line:?} is not in\n{warnings}"
                 );
             }
-            let count = warnings.matches("warning: ").count();
+            let count = warnings.matches("warning[").count();
             let channels = if sets[0].contains("rotation") { 2 } else { 1 };
             assert_eq!(
                 count, channels,
                 "reference {has_reference}, {sets:?}: as many channels are wrong:\n{warnings}"
             );
+            let edits: Vec<Edit> = judged.mistakes.iter().flat_map(|found| found.corrections().to_vec()).collect();
+            let Some((design, options)) = edited_car(has_reference, &sets, &edits) else {
+                return;
+            };
+            let (warnings, _) = told(&design, &options);
+            assert_eq!(warnings, "", "reference {has_reference}, {sets:?}: {edits:?} cure it");
         }
     }
 }
@@ -138,6 +144,41 @@ fn every_signed_permutation_of_a_units_axes_is_undone_on_a_drive_in_closed_form(
                 assert!(warnings.contains(&format!("write `columns = {right}`")), "{sets:?}:\n{warnings}");
             }
         }
+    }
+}
+
+#[test]
+fn the_edits_of_warnings_are_written_into_a_copy_that_has_none() {
+    let workspace = Workspace::new("frames-fix");
+    drive(&workspace);
+    let wrong = DRIVE.replace("\"wx\", \"wy\"", "\"wy\", \"-wx\"");
+    assert_ne!(wrong, DRIVE);
+    workspace.write("wrong.toml", format!("# My car.\n{wrong}"));
+    let check = |design: &str, more: &[&str]| {
+        let arguments = [&["check", design, "--data", "."], more].concat();
+        let done = workspace.fusion(&arguments).success();
+        (stdout(&done), stderr(&done))
+    };
+    let (page, warnings) = check("wrong.toml", &["--fix", "right.toml"]);
+    assert!(warnings.contains("warning[axes]"), "{warnings}");
+    assert!(
+        page.contains("write `source.imu.channels.angular_rate.columns = [\"wx\", \"wy\", \"wz\"]`"),
+        "{page}"
+    );
+    let right = workspace.read("right.toml");
+    assert!(
+        right.starts_with("# My car.\n") && right.contains("columns = [\"wx\", \"wy\", \"wz\"]"),
+        "{right}"
+    );
+    assert_eq!(check("right.toml", &[]).1, "");
+    // Without the rule there is neither a warning nor a copy.
+    let (page, warnings) = check("wrong.toml", &["--ignore", "axes", "--fix", "none.toml"]);
+    assert!(!warnings.contains("axes") && page.contains("there is no copy"), "{page}{warnings}");
+    assert!(!workspace.path("none.toml").exists());
+    // Relative paths start at the folder of the design, and files are not replaced.
+    for (copy, told) in [("../right.toml", "is not beside"), ("wrong.toml", "is there already")] {
+        let refused = workspace.fusion(&["check", "wrong.toml", "--fix", copy]).code(2);
+        assert!(stderr(&refused).contains(told), "{copy}");
     }
 }
 
@@ -220,7 +261,7 @@ fn waves_do_not_accuse_a_unit_that_is_right() {
     assert!(compared.contains("gnss_position.lever_arm"), "arms are judged: {compared}");
     // If waves hide a wrong sign, the field shows it, and no other advice is given.
     let (warned, compared) = said("log/wrong.toml");
-    assert_eq!(warned.matches("warning: ").count(), 1, "{warned}");
+    assert_eq!(warned.matches("warning[").count(), 1, "{warned}");
     assert!(
         warned.contains("the axes of `imu.angular_rate`") && warned.contains("down is minus the declared z"),
         "{warned}"
@@ -249,7 +290,7 @@ fn the_stride_of_a_foot_accuses_no_axis_and_a_wrong_reference_no_unit() {
     let order = "source.reference.channels.attitude.quaternion=[\"attitude_x\", \"attitude_y\", \"attitude_z\", \"attitude_w\"]";
     for (set, accused) in [(exchanged, "`reference.velocity`"), (order, "`reference.attitude`")] {
         let warned = warned(&w, &[set]);
-        assert_eq!(warned.matches("warning: ").count(), 1, "{warned}");
+        assert_eq!(warned.matches("warning[").count(), 1, "{warned}");
         assert!(warned.contains(accused), "{warned}");
     }
 }

@@ -9,7 +9,7 @@ mod parameters;
 use super::real::{data, real_design};
 use super::rewind::designs;
 use super::support::{Workspace, stderr, stdout};
-use fusion::config::{Document, Files};
+use fusion::config::{Document, Edit, Files};
 use fusion::core::geometry::so3::{from_rpy, log, rotation, to_rpy};
 use fusion::design::Design;
 use fusion::run::Options;
@@ -32,6 +32,11 @@ const VELOCITY: &str = "source.gnss.channels.velocity";
 
 /// The design of the car without its reference: only the course determines the attitude.
 fn car(has_reference: bool, sets: &[String]) -> Option<(Design, Options)> {
+    edited_car(has_reference, sets, &[])
+}
+
+/// The same design with edits.
+fn edited_car(has_reference: bool, sets: &[String], edits: &[Edit]) -> Option<(Design, Options)> {
     let base = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/real");
     let file = base.join("pntos-car.toml");
     let text = std::fs::read_to_string(&file).unwrap();
@@ -47,6 +52,7 @@ fn car(has_reference: bool, sets: &[String]) -> Option<(Design, Options)> {
     assert!(mistakes.is_empty());
     assert!(document.compose(&file, Files::Disk).is_empty());
     sets.iter().for_each(|set| document.set(set).unwrap());
+    edits.iter().for_each(|edit| document.apply(edit).unwrap());
     let options = Options {
         data: Some(data()?),
         base,

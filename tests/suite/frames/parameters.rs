@@ -25,7 +25,10 @@ fn a_lever_arm_with_the_wrong_sign_is_named_on_the_car() {
         warnings.contains("the lever arm of `gnss_position` has the wrong sign along x"),
         "{warnings}"
     );
-    assert!(warnings.contains("try `initial = [\"1.2 m\", \"0 m\", \"0 m\"]`"), "{warnings}");
+    assert!(
+        warnings.contains("write `lever_arm.initial = [\"1.2 m\", \"0 m\", \"0 m\"]`"),
+        "{warnings}"
+    );
     // The antenna's lever arm was found by fusing the log: 0, 0.3, −0.35 m. A 1σ of a metre declares no sign.
     for (sigma, is_told) in [("0.1 m", true), ("1 m", false)] {
         let arm = format!("sensor.gnss_position.lever_arm={{ estimate = true, initial = [0, \"-0.3 m\", 0], sigma = \"{sigma}\" }}");
@@ -54,8 +57,11 @@ fn a_fixed_parameter_that_the_data_contradict_is_told_and_no_other() {
     ] {
         let ran = w.fusion(&["check", "log/sea.toml", "--data", "log", "--set", set]).success();
         let warned = stderr(&ran);
-        assert_eq!(warned.matches("warning: ").count(), 1, "{set}:\n{warned}");
-        assert!(warned.contains(&format!("warning: {told} is declared as")), "{set}:\n{warned}");
+        assert_eq!(warned.matches("warning[").count(), 1, "{set}:\n{warned}");
+        assert!(
+            warned.contains(&format!("warning[fixed-parameter]: {told} is declared as")),
+            "{set}:\n{warned}"
+        );
     }
     // Both sensors of the receiver use the same antenna.
     let set = "sensor.gnss_velocity.lever_arm=[0, 0, 0]";
@@ -94,7 +100,7 @@ fn judged(w: &Workspace, sets: &[&str]) -> (String, String) {
 fn one_each(w: &Workspace, cases: &[(&[&str], &str, &str)]) {
     for (sets, told, help) in cases {
         let (warned, _) = judged(w, sets);
-        assert_eq!(warned.matches("warning: ").count(), 1, "{sets:?}:\n{warned}");
+        assert_eq!(warned.matches("warning[").count(), 1, "{sets:?}:\n{warned}");
         assert!(warned.contains(told) && warned.contains(help), "{sets:?}:\n{warned}");
     }
 }
@@ -147,7 +153,7 @@ fn of_an_odometer_sign_unit_scale_and_delay_are_told() {
         (
             &["source.odometer.channels.speed.scale=3.6"],
             "the numbers of `odometer` are too large by a factor of 3.5",
-            "leave it out",
+            "leave out `scale`",
         ),
         // Reported in preference to a mounting, which would have the same effect.
         (
@@ -215,7 +221,7 @@ fn mirrored_columns_of_a_doppler_log_and_a_noise_that_leaves_no_weight_are_named
     assert!(w.read("log/design.toml").contains(&right));
     for wrong in [["y", "x", "z"], ["-y", "-x", "z"], ["x", "-y", "z"]] {
         let warned = warned(&w, &[&format!("source.dvl.channels.body_velocity.columns={}", columns(wrong))]);
-        assert_eq!(warned.matches("warning: ").count(), 1, "{wrong:?}: {warned}");
+        assert_eq!(warned.matches("warning[").count(), 1, "{wrong:?}: {warned}");
         assert!(warned.contains(&format!("write `columns = {right}`")), "{wrong:?}: {warned}");
     }
     let noise = "sensor.depth.noise.sigma=\"1 km\"";

@@ -127,7 +127,7 @@ fn a_sensor_is_forbidden_to_return_only_where_a_declared_fault_of_it_explains_th
         };
         judged(&[gnss], &summary).findings()[0].advice.clone()
     };
-    let forbidden = "it was disturbed then by `spoofer`: forbid it with `gate.recovery.never_reacquire = true`";
+    let forbidden = "it was disturbed then by `spoofer`: write `sensor.gnss.gate.recovery.never_reacquire = true`, which forbids it";
     assert_eq!(of("receiver", 60.0, true), forbidden);
     for other in [of("receiver", 30.0, true), of("compass", 60.0, true), of("receiver", 60.0, false)] {
         assert!(!other.contains("never_reacquire"), "{other}");

@@ -12,6 +12,7 @@ use fusion::observe::{ConsumerCounts, Disturbed};
 use fusion::run::FaultWindow;
 use fusion::score::{Axes, Drift, Moved};
 use fusion_core::time::Time;
+use std::sync::LazyLock;
 
 fn consistency(mean: f64) -> Consistency {
     Consistency {
@@ -38,6 +39,7 @@ fn instrument(bias: Option<Bias>) -> Instrument {
         leader: None,
         channels: &["axes", "signs", "units"],
         parameters: vec!["lever_arm".to_owned()],
+        noise_key: Some("sensor.gnss.noise".to_owned()),
         reports: None,
     }
 }
@@ -58,6 +60,8 @@ pub(super) static NO_STAMPS: Stamps = Stamps {
     input: None,
 };
 
+static NONE_IGNORED: LazyLock<Ignored> = LazyLock::new(Ignored::default);
+
 /// A recorded run.
 fn judged<'a>(instruments: &'a [Instrument], summary: &'a Summary) -> Judged<'a> {
     Judged {
@@ -72,6 +76,7 @@ fn judged<'a>(instruments: &'a [Instrument], summary: &'a Summary) -> Judged<'a>
         constant_biases: &[],
         restart_after: None,
         growth: &[],
+        ignored: &NONE_IGNORED,
     }
 }
 

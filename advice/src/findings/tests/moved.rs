@@ -73,7 +73,7 @@ fn a_calibration_that_moved_is_told_with_the_columns_that_nothing_reads() {
                     `gnss.time_offset` moved from 0 to -0.2 s, 4 times the 1σ of 0.05 s that it had";
     assert!(all.len() == 1 && all[0].starts_with(evidence), "{all:#?}");
     let edit = "`svn_mps`, `sve_mps`, `svd_mps`: write `source.receiver.channels.velocity_sigma = { columns = [\"svn_mps\", \"sve_mps\", \
-                \"svd_mps\"], unit = \"m/s\" }` and `sensor.gnss.noise = { sigma = \"4 cm/s\", from_source = true }`";
+                \"svd_mps\"], unit = \"m/s\" }` and write `sensor.gnss.noise = { sigma = \"4 cm/s\", from_source = true }`";
     assert!(all[0].contains(edit), "{all:#?}");
     // A channel that is in the file only has to be used.
     let all = told(&[], reports(true), 3.0, vec![excess("gnss", 12.0)]);

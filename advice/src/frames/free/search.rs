@@ -4,6 +4,7 @@ use super::course::{Course, Estimate, Gain, Limits, Trial};
 use super::parameter::{Other, SHORTEST, Start, Tried, of_design};
 use super::told::{self, Verdict};
 use crate::frames::judge::{Comparison, Judged, Step};
+use crate::frames::mistake::Remedy;
 use fusion::config::{Diagnostics, Document, Node, Value};
 use fusion::design::{Design, Named, SensorDesign};
 use fusion::observe::RunObserver;
@@ -61,7 +62,7 @@ pub(super) struct Written {
     pub(super) source: usize,
     pub(super) channel: String,
     pub(super) wrong: &'static str,
-    pub(super) write: String,
+    pub(super) write: Remedy,
 }
 
 impl Written {
@@ -412,12 +413,11 @@ impl<'a> Search<'a> {
             }
             let written = changes.into_iter().map(|(wrong, keys)| {
                 let sets: Vec<String> = keys.iter().map(|(key, written)| format!("{path}.{key}={written}")).collect();
-                let write: Vec<String> = keys.iter().map(|(key, written)| format!("{key} = {written}")).collect();
                 let written = Written {
                     source,
                     channel: channel.clone(),
                     wrong,
-                    write: write.join(", "),
+                    write: Remedy::write(&keys),
                 };
                 (written, sets)
             });

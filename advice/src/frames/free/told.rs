@@ -4,8 +4,8 @@ use super::course::{Course, Estimate};
 use super::parameter::{ARM, Other, SHORTEST, Start, Tried};
 use super::search::{What, Written};
 use crate::frames::judge::{Comparison, Judged, sized};
-use crate::frames::mistake;
-use fusion::config::{Diagnostic, Diagnostics, Node};
+use crate::frames::mistake::{self, Remedy};
+use fusion::config::{Diagnostic, Diagnostics, Edit, Node};
 use fusion::design::{Design, Named, SensorDesign, parameters};
 use fusion_models::units::Duration;
 use fusion_tables::short;
@@ -250,7 +250,8 @@ pub(super) fn tell(design: &Design, what: &What<'_>, found: &mut Judged) {
             let source = &design.sources[*source];
             let name = format!("{}.{channel}", source.name);
             let message = format!("`{name}` has {wrong}: put right, the filter follows its data much better");
-            let told = mistake::at(&source.node, channel, "column", message).help(format!("write `{write}`"));
+            let told = mistake::at("sensor-columns", &source.node, channel, "column", message);
+            let told = write.clone().of(told, &format!("source.{}.channels.{channel}", source.name));
             found.comparisons.push(listed(name, f64::INFINITY, (*wrong).to_owned()));
             found.mistakes.push(told);
         }
@@ -266,13 +267,15 @@ pub(super) fn tell(design: &Design, what: &What<'_>, found: &mut Judged) {
                 .node
                 .at("time.offset")
                 .map_or_else(|| source.node.place_of("time"), Node::place);
-            let help = format!("write `source.{}.time.offset = \"{offset:.2} s\"`", source.name);
+            let edit = Edit::set(format!("source.{}.time.offset", source.name), format!("\"{offset:.2} s\""));
+            let help = edit.to_string();
             found.comparisons.push(listed(
                 format!("the stamps of {}", source.name),
                 f64::INFINITY,
                 format!("{:.2} s late", -by),
             ));
-            found.mistakes.push(Diagnostic::warning(message).at(place).help(help));
+            let told = Diagnostic::warning(message).at(place).rule("clock");
+            found.mistakes.push(told.help(help).edits(vec![edit]));
         }
     }
 }
@@ -284,9 +287,10 @@ fn turned(tried: &Tried<'_>, start: &Start, axis: &str, by: f64) -> Diagnostic {
         "the axes of `{}` are turned by {by:.0} deg about {axis}: so the filter follows its data much better",
         sensor.name
     );
-    let help = format!("write `{key} = {}`, or exchange the columns accordingly", start.initial);
+    let written = Remedy::write(&[(key.as_str(), start.initial.clone())]).and(", or exchange the columns accordingly");
     let place = sensor.node.get(key).map_or_else(|| sensor.node.place(), Node::place);
-    Diagnostic::warning(message).at(place).help(help)
+    let told = Diagnostic::warning(message).at(place).rule("sensor-axes");
+    written.of(told, &format!("sensor.{}", sensor.name))
 }
 
 /// The numbers of a sensor are too large by a factor, or have the other sign.
@@ -295,12 +299,13 @@ fn factor(design: &Design, tried: &Tried<'_>, by: f64, e: &Estimate) -> Diagnost
     let name = sensor.node.get("source").and_then(Node::as_str).unwrap_or_default();
     let source = design.sources.iter().find(|s| s.name == name);
     let reading = sensor.block.model.reading();
-    let channel = reading.channels().first().map(|c| c.name.to_string());
-    let node = source
-        .zip(channel)
-        .and_then(|(s, channel)| s.node.at(&format!("channels.{channel}")));
+    let channel = reading.channels().first().map(|c| format!("channels.{}", c.name));
+    let node = source.zip(channel.as_ref()).and_then(|(s, channel)| s.node.at(channel));
     let (size, help) = if by < 0.0 {
-        ("have the wrong sign".to_owned(), Some("change the sign of its columns".to_owned()))
+        (
+            "have the wrong sign".to_owned(),
+            Some(Remedy::words("change the sign of its columns")),
+        )
     } else {
         let small = 1.0 / (1.0 + e.value[0]);
         (sized(small), mistake::unit(node, "velocity", small, 0.1, 1.0))
@@ -308,9 +313,9 @@ fn factor(design: &Design, tried: &Tried<'_>, by: f64, e: &Estimate) -> Diagnost
     let is = if by < 0.0 { size } else { format!("are {size}") };
     let message = format!("the numbers of `{}` {is}: else the filter does not follow its data", sensor.name);
     let place = node.map_or_else(|| sensor.node.place(), Node::place);
-    Diagnostic::warning(message)
-        .at(place)
-        .help(help.unwrap_or_else(|| "check `unit` and `scale`".to_owned()))
+    let told = Diagnostic::warning(message).at(place).rule("sensor-sign");
+    let help = help.unwrap_or_else(|| Remedy::words("check `unit` and `scale`"));
+    help.of(told, &format!("source.{name}.{}", channel.unwrap_or_default()))
 }
 
 /// An arm with the wrong sign.
@@ -324,7 +329,7 @@ fn mirrored(tried: &Tried<'_>, e: &Estimate, verdicts: &[Verdict], words: &str) 
     // Written as declared: the sums and differences leave errors of 1e-17.
     let arm: Vec<String> = (0..3).map(|k| format!("\"{} m\"", short(sign(k) * e.declared(k)))).collect();
     let key = if node.at(&format!("{ARM}.initial")).is_some() {
-        "initial"
+        "lever_arm.initial"
     } else {
         ARM
     };
@@ -333,11 +338,10 @@ fn mirrored(tried: &Tried<'_>, e: &Estimate, verdicts: &[Verdict], words: &str) 
         tried.sensor.name,
         axes.join(" and ")
     );
-    let help = format!(
-        "it points from the body origin to the sensor, forward, right, down: try `{key} = [{}]`",
-        arm.join(", ")
-    );
-    Diagnostic::warning(message).at(node.place_of(ARM)).help(help)
+    let written = Remedy::write(&[(key, format!("[{}]", arm.join(", ")))]);
+    let help = written.after("it points from the body origin to the sensor, forward, right, down");
+    let told = Diagnostic::warning(message).at(node.place_of(ARM)).rule("arm-sign");
+    help.of(told, &format!("sensor.{}", tried.sensor.name))
 }
 
 /// A parameter whose declared value, or missing declaration, is wrong.
@@ -409,7 +413,7 @@ fn other(design: &Design, tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagn
             tried.shares()
         )
     };
-    Diagnostic::warning(message).at(place).help(help)
+    Diagnostic::warning(message).at(place).rule("fixed-parameter").help(help)
 }
 
 #[cfg(test)]

@@ -1,0 +1,259 @@
+//! Whether innovations are independent, and the thinning of rows that makes them so.
+
+use super::Trials;
+use super::density::whitened;
+use super::fisher::Point;
+use super::record::Rows;
+use fusion::config::{Diagnostic, Diagnostics, Edit};
+use fusion::design::Design;
+use fusion_core::consistency::{chi_square_quantile, chi_square_tail};
+
+/// Autocorrelations up to this lag are tested together.
+const LAGS: usize = 5;
+/// With fewer rows than five for each tested lag, the test says nothing (Hyndman, Athanasopoulos 2021, §5.4).
+const FEWEST: usize = 5 * LAGS;
+/// A gated sensor is judged by the innovations that a good row has with this probability.
+const GOOD: f64 = 0.99;
+
+/// The independence of the innovations of a sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Independence {
+    /// The sensor.
+    pub sensor: String,
+    /// Rows that counted.
+    pub rows: usize,
+    /// One row in so many was used.
+    pub one_in: u32,
+    /// The probability of such autocorrelations if the innovations are white (Ljung, Box 1978, Biometrika 65, 297).
+    pub whiteness: f64,
+    /// The probability of so many large NIS if they are χ² (Kolmogorov and Smirnov, one-sided). Small ones leave the
+    /// filter conservative, and refute nothing.
+    pub distribution: f64,
+    /// The factor by which the noise overweights the rows of the whole log: their mean square over the expected one,
+    /// times the sum of their autocorrelations. Up to 1, the noise covers a correlation, and the rows may be correlated.
+    /// Far above 1, an error lasts that has no state.
+    pub overweighted: f64,
+    /// Whether nothing refutes that the rows are used as what they are.
+    pub is_white: bool,
+}
+
+/// One row in so many of a stream.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Thinned {
+    /// The table of the stream in the design.
+    table: String,
+    one_in: u32,
+    /// The time of a row that stays, and the time between two rows \[s\].
+    first: f64,
+    interval: f64,
+}
+
+impl Thinned {
+    /// The edit that withholds the other rows.
+    pub(super) fn edit(&self) -> Edit {
+        let (every, period) = (f64::from(self.one_in), self.interval);
+        let window = format!(
+            "{{ from = \"{:?} s\", duration = \"{:?} s\", every = \"{:?} s\" }}",
+            self.first + 0.5 * period,
+            (every - 1.0) * period,
+            every * period
+        );
+        Edit::set(
+            format!("{}.fault.thinned", self.table),
+            format!("{{ type = \"drop\", rate = \"100 %\", window = {window} }}"),
+        )
+    }
+}
+
+/// The table of the stream of a sensor.
+fn table(design: &Design, sensor: usize) -> String {
+    let (name, source) = (&design.sensors[sensor].name, &design.sensors[sensor].block.common.source);
+    // A simulated instrument has the name of the sensor or of its stream.
+    let simulated = [name, source].map(|name| format!("simulation.sensor.{name}"));
+    let is_there = |path: &&String| design.simulation.is_some() && design.document.root().at(path).is_some();
+    simulated
+        .iter()
+        .find(is_there)
+        .cloned()
+        .unwrap_or_else(|| format!("source.{source}"))
+}
+
+/// The independence of each sensor with rows.
+pub(super) fn judge(design: &Design, trials: &Trials<'_>, point: &Point) -> Vec<Independence> {
+    let of = |sensor: usize| {
+        let gated = trials.densities[sensor]? != super::Density::Normal;
+        let logs = point
+            .score
+            .logs
+            .iter()
+            .filter_map(|(sensors, from)| Some((sensors[sensor].as_ref()?, *from)));
+        let all: Vec<Vec<Vec<f64>>> = logs.map(|(rows, from)| counted(rows, from)).collect();
+        let rows: usize = all.iter().map(Vec::len).sum();
+        let m = all.iter().flatten().next()?.len();
+        let limit = if gated {
+            chi_square_quantile(GOOD, m as f64)
+        } else {
+            f64::INFINITY
+        };
+        let whiteness = ljung_box(&all, limit.sqrt());
+        let distribution = kolmogorov(all.iter().flatten().map(|w| w.iter().map(|w| w * w).sum()), m, limit);
+        let overweighted = all.iter().map(|log| overweight(log)).fold(0.0, f64::max);
+        let stream = table(design, sensor);
+        let thinned = trials.thinning.iter().flatten().find(|t| t.table == stream);
+        let limit = trials.settings.false_refusal;
+        Some(Independence {
+            sensor: design.sensors[sensor].name.clone(),
+            rows,
+            one_in: thinned.map_or(1, |t| t.one_in),
+            whiteness,
+            distribution,
+            overweighted,
+            is_white: (whiteness > limit || overweighted <= 1.0) && distribution > limit,
+        })
+    };
+    (0..trials.densities.len()).filter_map(of).collect()
+}
+
+/// The whitened innovations that count.
+fn counted(rows: &Rows, from: f64) -> Vec<Vec<f64>> {
+    let counted = (0..rows.len()).filter(|k| rows.times[*k] >= from);
+    counted
+        .map(|k| {
+            let (r, l) = rows.innovation(k);
+            whitened(r, l)
+        })
+        .collect()
+}
+
+/// The probability of autocorrelations as large as these. Larger values than `limit` count as `limit`.
+fn ljung_box(logs: &[Vec<Vec<f64>>], limit: f64) -> f64 {
+    let (mut q, mut dof) = (0.0, 0.0);
+    for log in logs.iter().filter(|log| log.len() >= FEWEST) {
+        let n = log.len() as f64;
+        for axis in 0..log[0].len() {
+            let values: Vec<f64> = log.iter().map(|w| w[axis].clamp(-limit, limit)).collect();
+            let own: f64 = values.iter().map(|v| v * v).sum();
+            for lag in 1..=LAGS {
+                let rho = values.iter().zip(&values[lag..]).map(|(a, b)| a * b).sum::<f64>() / own;
+                q += n * (n + 2.0) * rho * rho / (n - lag as f64);
+            }
+            dof += LAGS as f64;
+        }
+    }
+    if dof > 0.0 { chi_square_tail(q, dof) } else { 1.0 }
+}
+
+/// Mean square times the sum of autocorrelations over all lags up to the first that is not positive: of the axis for
+/// which it is largest.
+fn overweight(log: &[Vec<f64>]) -> f64 {
+    let m = log.first().map_or(0, Vec::len);
+    let of = |axis: usize| {
+        let values: Vec<f64> = log.iter().map(|w| w[axis]).collect();
+        let own: f64 = values.iter().map(|v| v * v).sum();
+        let rho = |lag: usize| values.iter().zip(&values[lag..]).map(|(a, b)| a * b).sum::<f64>() / own;
+        let sum: f64 = (1..values.len() / 2).map(rho).take_while(|rho| *rho > 0.0).sum();
+        own / values.len() as f64 * (1.0 + 2.0 * sum)
+    };
+    (0..m).map(of).fold(0.0, f64::max)
+}
+
+/// The probability of a distribution as far above χ² with `m` degrees of freedom, below `limit`.
+fn kolmogorov(squares: impl Iterator<Item = f64>, m: usize, limit: f64) -> f64 {
+    let below = |x: f64| 1.0 - chi_square_tail(x, m as f64);
+    let all = if limit.is_finite() { below(limit) } else { 1.0 };
+    let mut shares: Vec<f64> = squares.filter(|x| *x <= limit).map(|x| below(x) / all).collect();
+    shares.sort_by(f64::total_cmp);
+    let n = shares.len() as f64;
+    let distance = shares.iter().enumerate().map(|(k, share)| share - k as f64 / n).fold(0.0, f64::max);
+    // Smirnov 1939: the limit for many values, which is above the probability for few.
+    (-2.0 * n * distance * distance).exp()
+}
+
+/// Thins the streams of sensors that are not white to one row in twice as many. Returns false if all are white, or if
+/// too few rows would be left.
+pub(super) fn thin(trials: &mut Trials<'_>, design: &Design, found: &[Independence], point: &Point) -> Result<bool, Diagnostics> {
+    if found.is_empty() {
+        let help = "the filter has to start, and to use a sensor that reads the rows of an instrument, not those of a stage";
+        return Err(Diagnostic::error("no innovation counts").help(help).into());
+    }
+    let mut has_thinned = false;
+    let is_dependent = |own: &&Independence| own.whiteness <= trials.settings.false_refusal && own.overweighted > 1.0;
+    let dependent: Vec<&Independence> = found.iter().filter(is_dependent).filter(|own| own.rows >= 2 * FEWEST).collect();
+    for own in dependent {
+        let Some(sensor) = design.sensors.iter().position(|s| s.name == own.sensor) else {
+            continue;
+        };
+        let stream = table(design, sensor);
+        for (log, thinning) in trials.thinning.iter_mut().enumerate() {
+            let Some(rows) = point.score.logs[log].0[sensor].as_ref().filter(|rows| rows.len() > 1) else {
+                continue;
+            };
+            if let Some(before) = thinning.iter_mut().find(|t| t.table == stream) {
+                // Two sensors of one stream thin it once.
+                if before.one_in == own.one_in {
+                    before.one_in *= 2;
+                    has_thinned = true;
+                }
+                continue;
+            }
+            let mut gaps: Vec<f64> = rows
+                .times
+                .windows(2)
+                .map(|pair| pair[1] - pair[0])
+                .filter(|gap| *gap > 0.0)
+                .collect();
+            gaps.sort_by(f64::total_cmp);
+            let Some(interval) = gaps.get(gaps.len() / 2).copied() else {
+                continue;
+            };
+            thinning.push(Thinned {
+                table: stream.clone(),
+                one_in: 2,
+                first: rows.times[0],
+                interval,
+            });
+            has_thinned = true;
+        }
+    }
+    Ok(has_thinned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fusion_core::testing::Lcg;
+
+    /// `n` values, each with `rho` of the one before.
+    fn series(n: usize, rho: f64, seed: u64) -> Vec<Vec<f64>> {
+        let mut random = Lcg::new(seed);
+        let mut last = 0.0;
+        (0..n)
+            .map(|_| {
+                last = rho * last + (1.0 - rho * rho).sqrt() * random.normal();
+                vec![last]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn white_series_pass_and_correlated_ones_do_not() {
+        let p: Vec<f64> = (0..40)
+            .map(|seed| ljung_box(&[series(400, 0.0, seed + 1)], f64::INFINITY))
+            .collect();
+        // Of forty probabilities, ten are below 0.25 on average; 1σ is 2.7.
+        let low = p.iter().filter(|p| **p < 0.25).count();
+        assert!((1..=19).contains(&low), "{p:?}");
+        assert!(p.iter().all(|p| *p > 1e-4), "{p:?}");
+        assert!(ljung_box(&[series(400, 0.5, 3)], f64::INFINITY) < 1e-6);
+    }
+
+    #[test]
+    fn the_distribution_of_nis_is_told_from_a_wider_one() {
+        let of = |scale: f64, seed: u64| {
+            let squares: Vec<f64> = series(400, 0.0, seed).iter().map(|w| scale * w[0] * w[0]).collect();
+            kolmogorov(squares.into_iter(), 1, f64::INFINITY)
+        };
+        assert!((1..20).all(|seed| of(1.0, seed) > 1e-3));
+        assert!(of(2.0, 1) < 1e-4 && of(0.5, 1) > 0.1);
+    }
+}

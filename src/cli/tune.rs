@@ -1,0 +1,189 @@
+//! `fusion tune`.
+
+use super::fix::FixArgs;
+use super::progress::Runs;
+use super::run::period;
+use super::{DesignArgs, Failure, OutputArgs};
+use clap::Args;
+use fusion::examine::{Missing, examine};
+use fusion::provenance::Provenance;
+use fusion::run::Options;
+use fusion_judge::tune::{Found, Independence, Log, Settings, Tuned, tune as tune_logs};
+use fusion_tables::{Cell, Column, Page, Section, Table, short};
+use std::path::PathBuf;
+use std::time::Duration;
+
+#[derive(Debug, Args)]
+pub(super) struct TuneArgs {
+    #[command(flatten)]
+    design: DesignArgs,
+    /// The noises to tune, by their paths: `*` stands for any text inside a key, and `process.` may be left out. Without
+    /// it: the noises of the process and of the sensors that measure.
+    #[arg(long, value_name = "PATH,PATH", value_delimiter = ',')]
+    params: Vec<String>,
+    /// Another log for the same design: where its relative source paths start.
+    #[arg(long, value_name = "DIR")]
+    also: Vec<PathBuf>,
+    /// Rows count from this time after the alignment on.
+    #[arg(long, value_name = "TIME", default_value = "0 s", hide_default_value = true, value_parser = period)]
+    settle: Duration,
+    /// The number of parts of each log, each judged by what the others give; 4 by default.
+    #[arg(long, value_name = "K", default_value_t = 4, hide_default_value = true, value_parser = clap::value_parser!(u64).range(2..))]
+    folds: u64,
+    #[command(flatten)]
+    fix: FixArgs,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
+    args.fix.check(&args.design)?;
+    let design = args.design.read()?;
+    let mut logs = Vec::new();
+    for data in [args.design.data.clone()].into_iter().chain(args.also.iter().cloned().map(Some)) {
+        let options = Options {
+            data,
+            base: args.design.base(),
+            ..Options::default()
+        };
+        examine(design.document.clone(), &options, Missing::Told)?;
+        logs.push(Log {
+            document: design.document.clone(),
+            options,
+        });
+    }
+    let settings = Settings {
+        settle: args.settle.as_secs_f64(),
+        folds: usize::try_from(args.folds).unwrap_or(usize::MAX),
+        ..Settings::default()
+    };
+    let bar = Runs::new();
+    let tuned = tune_logs(&logs, &args.params, &settings, &|runs, _| bar.at(runs, settings.most_runs))?;
+    drop(bar);
+    let mut page = Page {
+        title: design.run.description.clone(),
+        provenance: Provenance::of(&design, None),
+        warnings: Vec::new(),
+        sections: vec![
+            Section::new("Noises", [noises(&tuned.found)]),
+            Section::new("Innovations", [innovations(&tuned.independence)]),
+            verdict(&tuned),
+        ],
+    };
+    if is_better(&tuned) {
+        page.sections.extend(args.fix.write(&args.design, &tuned.edits())?);
+    }
+    args.output.print(&page)?;
+    if tuned.is_sound() { Ok(()) } else { Err(Failure::Dependent) }
+}
+
+/// A dozen independent rows determine the factor to a factor of two; above three it is worth a word.
+const HEAVY: f64 = 3.0;
+
+fn is_better(tuned: &Tuned) -> bool {
+    tuned.is_sound() && tuned.gain() > 0.0
+}
+
+fn noises(found: &[Found]) -> Table {
+    let mut t = Table::new([
+        Column::text("noise"),
+        Column::text("declared"),
+        Column::text("found"),
+        Column::number("factor"),
+        Column::number("95 % from"),
+        Column::number("to"),
+    ]);
+    for f in found {
+        let (from, to) = f.interval();
+        let cells = match f.edit().and_then(|edit| edit.value) {
+            Some(value) => [
+                Cell::text(value),
+                Cell::text(short(f.factor)),
+                Cell::text(short(from)),
+                Cell::text(short(to)),
+            ],
+            None => [Cell::text("not identifiable on this log"), Cell::Empty, Cell::Empty, Cell::Empty],
+        };
+        t.row(
+            [Cell::text(&f.parameter.path), Cell::text(&f.parameter.declared)]
+                .into_iter()
+                .chain(cells),
+        );
+    }
+    t
+}
+
+fn innovations(independence: &[Independence]) -> Table {
+    let mut t = Table::new([
+        Column::text("sensor"),
+        Column::number("rows"),
+        Column::number("one in"),
+        Column::number("overweighted"),
+        Column::number("p, white"),
+        Column::number("p, NIS not too large"),
+        Column::text(""),
+    ]);
+    for i in independence {
+        let verdict = if i.is_white { "as independent rows" } else { "not independent" };
+        t.row([
+            Cell::text(&i.sensor),
+            Cell::from(i.rows),
+            Cell::from(u64::from(i.one_in)),
+            Cell::text(short(i.overweighted)),
+            Cell::text(probability(i.whiteness)),
+            Cell::text(probability(i.distribution)),
+            Cell::text(verdict),
+        ]);
+    }
+    t
+}
+
+fn verdict(tuned: &Tuned) -> Section {
+    let section = Section::new("Verdict", []);
+    let dependent: Vec<String> = tuned
+        .independence
+        .iter()
+        .filter(|i| !i.is_white)
+        .map(|i| format!("`{}`", i.sensor))
+        .collect();
+    let runs = format!("{} runs.", tuned.runs);
+    if !dependent.is_empty() {
+        return section
+            .note(format!(
+                "The rows of {} are not independent: not tuned. An error that lasts needs a state, not a noise: `fusion run` says what the \
+                 innovations look like, `fusion check --data DIR` looks for a mistake.",
+                dependent.join(", ")
+            ))
+            .note(runs);
+    }
+    let parts: Vec<String> = tuned.unseen.iter().map(|gain| format!("{gain:.1}")).collect();
+    let unseen = format!(
+        "Gain in ln likelihood: {:.1} nats on all rows, {:.1} on parts that were not seen ({}).",
+        tuned.nats,
+        tuned.gain(),
+        parts.join(", ")
+    );
+    let section = section.note(unseen);
+    let heavy = tuned.independence.iter().filter(|i| i.one_in > 1 && i.overweighted > HEAVY);
+    let heavy: Vec<String> = heavy.map(|i| format!("`{}` {} times", i.sensor, short(i.overweighted))).collect();
+    let section = if heavy.is_empty() {
+        section
+    } else {
+        section.note(format!(
+            "At their full rate, rows repeat the error of the one before, and their noise overweights them: {}. Give that error a state, or \
+             compare drift in outages and NEES before you use these noises.",
+            heavy.join(", ")
+        ))
+    };
+    let section = if is_better(tuned) {
+        section
+    } else {
+        section.note("The log does not prefer these noises where it was not asked: keep the declared ones.")
+    };
+    section.note(runs)
+}
+
+/// A probability with two digits; a small one as a power of ten.
+fn probability(p: f64) -> String {
+    if p < 0.01 { format!("{p:.0e}") } else { format!("{p:.2}") }
+}
