@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Default, Args)]
 pub(super) struct AdviceArgs {
-    /// Ignores a rule of advice: its id stands in brackets at the end of a finding, or after `warning`.
+    /// Ignores a rule of advice. A finding ends with the id of its rule, in brackets; a warning begins with it.
     #[arg(long, value_name = "ID")]
     ignore: Vec<String>,
     #[command(flatten)]
@@ -27,8 +27,8 @@ impl AdviceArgs {
 
 #[derive(Debug, Default, Args)]
 pub(super) struct FixArgs {
-    /// Writes a copy of the design with the edits that were found, and keeps its comments. The copy stands beside the
-    /// design, since relative paths start there. Run it, and compare the two.
+    /// Writes a copy of the design with the edits that were found, and keeps its comments. The copy must be in the
+    /// folder of the design, where relative paths start. Run it, and compare the two.
     #[arg(long, value_name = "COPY.toml")]
     fix: Option<PathBuf>,
 }
@@ -76,7 +76,7 @@ impl FixArgs {
         let mut fixed = with(&good)?;
         fixed.left.extend(refused);
         if fixed.made.is_empty() {
-            let mut section = Section::new("Edits", []).note("No edit was found that can be written: there is no copy.");
+            let mut section = Section::new("Edits", []).note("No edit was found that can be written, so no copy is written.");
             section.notes.extend(left(&fixed));
             return Ok(Some(section));
         }

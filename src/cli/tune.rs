@@ -17,7 +17,7 @@ use std::time::Duration;
 pub(super) struct TuneArgs {
     #[command(flatten)]
     design: DesignArgs,
-    /// The noises to tune, by their paths: `*` stands for any text inside a key, and `process.` may be left out. Without
+    /// The noises to tune, by their paths: `*` matches any text inside a key, and `process.` may be left out. Without
     /// it: the noises of the process and of the sensors that measure.
     #[arg(long, value_name = "PATH,PATH", value_delimiter = ',')]
     params: Vec<String>,
@@ -179,6 +179,11 @@ fn verdict(tuned: &Tuned) -> Section {
         section
     } else {
         section.note("The log does not prefer these noises where it was not asked: keep the declared ones.")
+    };
+    let section = if tuned.has_converged {
+        section
+    } else {
+        section.note("The search ended at its limit of runs, before the maximum: start again from what it found.")
     };
     section.note(runs)
 }

@@ -20,7 +20,7 @@ pub struct Fixed {
 /// design. A key of an included part is written into this file, which replaces the value of the part.
 ///
 /// # Errors
-/// The text is no TOML.
+/// The text is not TOML.
 pub fn fix(text: &str, variants: &[&str], edits: &[Edit]) -> Result<Fixed, Diagnostic> {
     let parsed = text.parse::<DocumentMut>();
     let mut document = parsed.map_err(|error| Diagnostic::error(format!("the design cannot be edited: {error}")))?;
@@ -84,8 +84,8 @@ fn child<'a>(item: &'a Item, key: &str) -> Option<&'a Item> {
     }
 }
 
-/// Sets a value below a table, which is written inline or not. Tables that are missing on the path are made in the form
-/// of the table around them.
+/// Sets a value below a table, which is written inline or not. Tables that are missing on the path get the form of
+/// the table around them.
 fn set(table: &mut dyn TableLike, is_inline: bool, keys: &[&str], value: Value) -> Result<(), String> {
     let [key, rest @ ..] = keys else { return Ok(()) };
     if rest.is_empty() {

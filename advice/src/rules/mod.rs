@@ -1,7 +1,8 @@
 //! The rules of advice: each finding and each warning of a comparison of channels belongs to one of them.
 //!
-//! A rule has an id, which `--ignore` takes and which has its heading in the book (`book/src/rules.md`). What a rule
-//! proposes with certainty is an [`Edit`](fusion::config::Edit); [`fix`] writes edits into a copy of the design.
+//! A rule has an id, which `--ignore` takes and which has its heading in the book (`book/src/rules.md`). If a
+//! rule is certain of a correction, it has an [`Edit`](fusion::config::Edit). [`fix`] writes edits into a copy of the
+//! design.
 
 mod fix;
 

@@ -41,6 +41,8 @@ pub(super) struct Point {
     pub(super) theta: Vec<f64>,
     pub(super) score: Score,
     slopes: Vec<Slope>,
+    /// Whether it is a maximum; the search may end before, at the limit of runs.
+    pub(super) has_converged: bool,
 }
 
 impl Point {
@@ -50,6 +52,7 @@ impl Point {
             theta,
             score,
             slopes: Vec::new(),
+            has_converged: true,
         }
     }
 
@@ -272,9 +275,14 @@ pub(super) fn climb(trials: &Trials<'_>, mut theta: Vec<f64>, progress: &(dyn Fn
             let step = damped(&slope, &information, &theta, damping);
             let right = &slope - DVector::from_column_slice(&theta) / (PRIOR * PRIOR);
             let expected = 0.5 * step.dot(&right);
-            let is_over = expected < ENOUGH || trials.runs.load(Ordering::Relaxed) >= trials.settings.most_runs;
-            if is_over {
-                return Ok(Point { theta, score, slopes });
+            let has_converged = expected < ENOUGH;
+            if has_converged || trials.runs.load(Ordering::Relaxed) >= trials.settings.most_runs {
+                return Ok(Point {
+                    theta,
+                    score,
+                    slopes,
+                    has_converged,
+                });
             }
             let next: Vec<f64> = theta.iter().zip(step.iter()).map(|(t, s)| t + s).collect();
             let moved = trials.at(&next)?;
@@ -289,7 +297,12 @@ pub(super) fn climb(trials: &Trials<'_>, mut theta: Vec<f64>, progress: &(dyn Fn
             damping = if damping == 0.0 { 0.1 } else { damping * 10.0 };
             // Steps so short change less than the limit of gain.
             if damping > 1e6 {
-                return Ok(Point { theta, score, slopes });
+                return Ok(Point {
+                    theta,
+                    score,
+                    slopes,
+                    has_converged: true,
+                });
             }
         }
     }

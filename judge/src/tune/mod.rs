@@ -113,6 +113,8 @@ pub struct Tuned {
     pub unseen: Vec<f64>,
     /// Runs made.
     pub runs: u64,
+    /// Whether the search ended at a maximum, not at the limit of runs.
+    pub has_converged: bool,
     /// The independence of the innovations of each sensor that counted.
     pub independence: Vec<Independence>,
 }
@@ -166,57 +168,30 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         settings,
         runs: &runs,
     };
-    let mut unknown: Vec<(Parameter, f64)> = Vec::new();
-    let mut theta = vec![0.0; parameters.len()];
-    let mut has_returned = false;
-    let (point, mut independence) = loop {
-        let point = fisher::climb(&trials, theta.clone(), progress)?;
-        let independence = white::judge(&design, &trials, &point);
-        theta.clone_from(&point.theta);
-        if white::thin(&mut trials, &design, &independence, &point)? {
-            continue;
-        }
-        // From far off, innovations may have been dependent only because of the start.
-        if !has_returned && trials.is_thinned() {
-            has_returned = true;
-            trials.thinning = vec![Vec::new(); logs.len()];
-            continue;
-        }
-        // What is not identifiable has its declared value, and the others are found with that.
-        let sigma = point.sigmas();
-        let is_known = |j: &usize| sigma[*j] <= 1.0;
-        let known: Vec<usize> = (0..theta.len()).filter(is_known).collect();
-        if known.len() == theta.len() || known.is_empty() {
-            break (point, independence);
-        }
-        let lost = (0..theta.len()).filter(|j| !is_known(j));
-        unknown.extend(lost.map(|j| (trials.parameters[j].clone(), sigma[j])));
-        trials.parameters = known.iter().map(|j| trials.parameters[*j].clone()).collect();
-        theta = known.iter().map(|j| theta[*j]).collect();
-    };
-    let base = trials.at(&vec![0.0; theta.len()])?;
-    let parts = trials.parts(&base);
-    let nats = trials.gain(&base, &point.score, &|_, _| true);
-    let mut unseen = Vec::with_capacity(parts.len());
-    for part in &parts {
-        let other = trials.at(&point.without(part))?;
-        unseen.push(trials.gain(&base, &other, &|log, time| part.holds(log, time)));
-    }
-    let known = trials.parameters.iter().zip(&theta).zip(point.sigmas());
-    let known: Vec<(&Parameter, f64, f64)> = known.map(|((p, theta), sigma)| (p, *theta, sigma)).collect();
+    let End {
+        point,
+        mut independence,
+        unknown,
+    } = search(&mut trials, &design, progress)?;
+    let (nats, unseen) = gains(&trials, &point)?;
+    let known: Vec<(&Parameter, (f64, f64))> = trials
+        .parameters
+        .iter()
+        .zip(point.theta.iter().copied().zip(point.sigmas()))
+        .collect();
     let found = parameters.iter().map(|parameter| {
-        let known = known.iter().find(|(p, ..)| *p == parameter);
-        let (theta, sigma) = known.map_or((0.0, f64::INFINITY), |(_, theta, sigma)| (*theta, *sigma));
+        let known = known.iter().find(|(p, _)| *p == parameter).map(|(_, known)| *known);
         let lost = unknown.iter().find(|(p, _)| p == parameter);
+        let (theta, sigma) = known.unwrap_or((0.0, lost.map_or(f64::INFINITY, |(_, sigma)| *sigma)));
         Found {
             parameter: parameter.clone(),
             factor: if sigma <= 1.0 { theta.exp() } else { 1.0 },
-            sigma: lost.map_or(sigma, |(_, sigma)| *sigma),
+            sigma,
         }
     });
     let found: Vec<Found> = found.collect();
     trials.thinning = vec![Vec::new(); logs.len()];
-    let whole = Point::of(theta.clone(), trials.at(&theta)?);
+    let whole = Point::of(point.theta.clone(), trials.at(&point.theta)?);
     for (own, whole) in independence.iter_mut().zip(white::judge(&design, &trials, &whole)) {
         own.overweighted = whole.overweighted;
     }
@@ -225,8 +200,64 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         nats,
         unseen,
         runs: runs.load(Ordering::Relaxed),
+        has_converged: point.has_converged,
         independence,
     })
+}
+
+/// The end of a search.
+struct End {
+    point: Point,
+    independence: Vec<Independence>,
+    /// The parameters that are not identifiable, with the 1σ of their logarithm.
+    unknown: Vec<(Parameter, f64)>,
+}
+
+/// Finds the maximum with rows so thin that innovations are white, over the parameters that are then identifiable.
+fn search(trials: &mut Trials<'_>, design: &Design, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<End, Diagnostics> {
+    let mut unknown: Vec<(Parameter, f64)> = Vec::new();
+    let mut theta = vec![0.0; trials.parameters.len()];
+    let mut has_returned = false;
+    loop {
+        let point = fisher::climb(trials, theta.clone(), progress)?;
+        let independence = white::judge(design, trials, &point);
+        theta.clone_from(&point.theta);
+        if white::thin(trials, design, &independence, &point)? {
+            continue;
+        }
+        // From far off, innovations may have been dependent only because of the start.
+        if !has_returned && trials.is_thinned() {
+            has_returned = true;
+            trials.thinning = vec![Vec::new(); trials.logs.len()];
+            continue;
+        }
+        // A parameter that is not identifiable has its declared value. The others are found anew with that value.
+        let sigma = point.sigmas();
+        let is_known = |j: &usize| sigma[*j] <= 1.0;
+        let known: Vec<usize> = (0..theta.len()).filter(is_known).collect();
+        if known.len() == theta.len() || known.is_empty() {
+            return Ok(End {
+                point,
+                independence,
+                unknown,
+            });
+        }
+        let lost = (0..theta.len()).filter(|j| !is_known(j));
+        unknown.extend(lost.map(|j| (trials.parameters[j].clone(), sigma[j])));
+        trials.parameters = known.iter().map(|j| trials.parameters[*j].clone()).collect();
+        theta = known.iter().map(|j| theta[*j]).collect();
+    }
+}
+
+/// The gain over the declared values on all rows, and on each part with what the other parts give.
+fn gains(trials: &Trials<'_>, point: &Point) -> Result<(f64, Vec<f64>), Diagnostics> {
+    let base = trials.at(&vec![0.0; point.theta.len()])?;
+    let all = trials.gain(&base, &point.score, &|_, _| true);
+    let each = trials.parts(&base).into_iter().map(|part| {
+        let other = trials.at(&point.without(&part))?;
+        Ok(trials.gain(&base, &other, &|log, time| part.holds(log, time)))
+    });
+    Ok((all, each.collect::<Result<_, Diagnostics>>()?))
 }
 
 /// The densities of the sensors of a design, in their order; `None` for a sensor that is not judged.

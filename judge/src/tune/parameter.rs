@@ -1,4 +1,4 @@
-//! What is tuned: numbers of a design, each multiplied by a factor.
+//! The parameters: numbers of a design, each multiplied by a factor.
 
 use fusion::config::{Diagnostic, Document, Edit, Node, Value};
 use fusion::design::{Design, Named, SensorDesign};
@@ -16,12 +16,12 @@ pub struct Parameter {
     pub path: String,
     /// The value as declared, in TOML.
     pub declared: String,
-    /// The path of the numbers: of the value, or of the part of a table that has them.
+    /// The path of the numbers: that of the value, or that of a part of a table.
     key: String,
 }
 
 impl Parameter {
-    /// The parameter at a path; `None` if there is no number.
+    /// The parameter at a path; `None` if the value has no number.
     fn at(path: &str, node: &Node) -> Option<Self> {
         let (key, declared) = match node.value() {
             Value::Table { .. } => {
@@ -51,7 +51,7 @@ impl Parameter {
         Edit::set(&self.key, scaled(&self.declared, factor, digits))
     }
 
-    /// The declared parameters of a design that a pattern selects. A `*` stands for any text inside a key. The first
+    /// The declared parameters of a design that a pattern selects. A `*` matches any text inside a key. The first
     /// key `process` may be left out.
     ///
     /// # Errors

@@ -37,7 +37,7 @@ pub struct Independence {
     pub is_white: bool,
 }
 
-/// One row in so many of a stream.
+/// The share of the rows of a stream that is used.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Thinned {
     /// The table of the stream in the design.
@@ -143,8 +143,8 @@ fn ljung_box(logs: &[Vec<Vec<f64>>], limit: f64) -> f64 {
     if dof > 0.0 { chi_square_tail(q, dof) } else { 1.0 }
 }
 
-/// Mean square times the sum of autocorrelations over all lags up to the first that is not positive: of the axis for
-/// which it is largest.
+/// Mean square times the sum of autocorrelations over all lags up to the first that is not positive. The axis with the
+/// largest value counts.
 fn overweight(log: &[Vec<f64>]) -> f64 {
     let m = log.first().map_or(0, Vec::len);
     let of = |axis: usize| {

@@ -91,6 +91,9 @@ fn every_frame_mistake_on_the_car_is_named_with_and_without_a_reference() {
                 count, channels,
                 "reference {has_reference}, {sets:?}: as many channels are wrong:\n{warnings}"
             );
+            if !has_reference {
+                continue;
+            }
             let edits: Vec<Edit> = judged.mistakes.iter().flat_map(|found| found.corrections().to_vec()).collect();
             let Some((design, options)) = edited_car(has_reference, &sets, &edits) else {
                 return;
@@ -173,7 +176,10 @@ fn the_edits_of_warnings_are_written_into_a_copy_that_has_none() {
     assert_eq!(check("right.toml", &[]).1, "");
     // Without the rule there is neither a warning nor a copy.
     let (page, warnings) = check("wrong.toml", &["--ignore", "axes", "--fix", "none.toml"]);
-    assert!(!warnings.contains("axes") && page.contains("there is no copy"), "{page}{warnings}");
+    assert!(
+        !warnings.contains("axes") && page.contains("no copy is written"),
+        "{page}{warnings}"
+    );
     assert!(!workspace.path("none.toml").exists());
     // Relative paths start at the folder of the design, and files are not replaced.
     for (copy, told) in [("../right.toml", "is not beside"), ("wrong.toml", "is there already")] {
