@@ -96,12 +96,7 @@ fn noises(found: &[Found]) -> Table {
     for f in found {
         let (from, to) = f.interval();
         let cells = match f.edit().and_then(|edit| edit.value) {
-            Some(value) => [
-                Cell::text(value),
-                Cell::text(short(f.factor)),
-                Cell::text(short(from)),
-                Cell::text(short(to)),
-            ],
+            Some(value) => [Cell::text(value), Cell::Real(f.factor), Cell::Real(from), Cell::Real(to)],
             None => [Cell::text("not identifiable on this log"), Cell::Empty, Cell::Empty, Cell::Empty],
         };
         t.row(
@@ -129,9 +124,9 @@ fn innovations(independence: &[Independence]) -> Table {
             Cell::text(&i.sensor),
             Cell::from(i.rows),
             Cell::from(u64::from(i.one_in)),
-            Cell::text(short(i.overweighted)),
-            Cell::text(probability(i.whiteness)),
-            Cell::text(probability(i.distribution)),
+            Cell::Real(i.overweighted),
+            Cell::Real(i.whiteness),
+            Cell::Real(i.distribution),
             Cell::text(verdict),
         ]);
     }
@@ -186,9 +181,4 @@ fn verdict(tuned: &Tuned) -> Section {
         section.note("The search ended at its limit of runs, before the maximum: start again from what it found.")
     };
     section.note(runs)
-}
-
-/// A probability with two digits; a small one as a power of ten.
-fn probability(p: f64) -> String {
-    if p < 0.01 { format!("{p:.0e}") } else { format!("{p:.2}") }
 }
