@@ -65,7 +65,7 @@ fn what_the_log_does_not_tell_keeps_its_value_and_has_its_name() {
     assert_eq!(edits, ["sensor.position.noise.sigma", "sensor.velocity.noise.sigma"]);
 }
 
-/// One fix in ten is wrong by 30 m and more, and a gate stands before it.
+/// One fix in ten is wrong by 30 m and more, and the sensor has a gate.
 #[test]
 fn outliers_behind_a_gate_do_not_widen_the_noise() {
     let outliers = "simulation.sensor.position.fault.wrong={ type = \"outliers\", rate = \"10 %\", channel = \"position\", size = [\"30 m\", \"60 m\"] }";

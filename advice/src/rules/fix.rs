@@ -16,8 +16,8 @@ pub struct Fixed {
 
 /// Writes `edits` into `text`, the most important edit first: of two edits of one key, the first is made.
 ///
-/// A key that one of the selected `variants` declares is written there, since a variant replaces the value of the
-/// design. A key of an included part is written into this file, which replaces the value of the part.
+/// If a selected variant declares the key, its value is written in the table of the variant, which replaces the value
+/// of the design. A key of an included part is written into this file, which replaces the value of the part.
 ///
 /// # Errors
 /// The text is not TOML.
@@ -95,7 +95,13 @@ fn set(table: &mut dyn TableLike, is_inline: bool, keys: &[&str], value: Value) 
                 *old = value;
                 *old.decor_mut() = decor;
             }
-            _ => drop(table.insert(key, Item::Value(value))),
+            _ => {
+                table.insert(key, Item::Value(value));
+                if is_inline {
+                    // The space before the closing bracket belonged to the last entry.
+                    table.fmt();
+                }
+            }
         }
         return Ok(());
     }
@@ -188,13 +194,14 @@ sensor.gnss.noise = '5 m'
             Edit::set("sensor.gnss.noise", "\"3 m\""),
             Edit::set("sensor.gnss.gate.probability", "0.99"),
             Edit::set("filter.bank.headings", "8"),
+            Edit::set("source.imu.channels.angular_rate.increment", "true"),
         ];
         let found = fixed(&[], &edits);
         let expected = "\
 # A car.
 [source.imu] # the unit
 file = 'imu.csv'
-channels.angular_rate = { columns = [\"y\", \"-x\"] } # rates
+channels.angular_rate = { columns = [\"y\", \"-x\"], increment = true } # rates
 [sensor.gnss]
 noise = \"3 m\" # by its data sheet
 

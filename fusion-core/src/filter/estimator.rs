@@ -62,7 +62,7 @@ pub struct Update<'a> {
     pub residual: &'a [f64],
     /// √S_ii, the predicted 1σ of each residual.
     pub innovation_sigma: &'a [f64],
-    /// The Cholesky factor L of S = L Lᵀ at the prediction, m×m, row by row, lower; NaN if there is no S.
+    /// The Cholesky factor L of S = L Lᵀ at the prediction, m×m, row by row, lower; NaN if S was not computed.
     pub innovation_factor: &'a [f64],
     /// Normalised innovation squared, rᵀS⁻¹r.
     pub nis: f64,

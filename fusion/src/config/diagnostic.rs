@@ -99,11 +99,11 @@ pub struct Diagnostic {
     pub label: Option<Box<str>>,
     /// How to correct it.
     pub help: Option<String>,
-    /// What a rule of advice adds; `None` for a mistake of reading. In a box, since most diagnostics have none.
+    /// The rule of advice and its edits; `None` for a mistake of reading. It is in a box, since it is rare.
     pub(crate) advice: Option<Box<Advice>>,
 }
 
-/// What a rule of advice adds to a diagnostic.
+/// The rule that found a mistake, and its edits.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Advice {
     rule: &'static str,

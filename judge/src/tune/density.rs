@@ -156,7 +156,7 @@ mod tests {
         let sum: f64 = (-200_000..200_000)
             .map(|k| density.log(&[f64::from(k) * step], &[1.5]).exp() * step)
             .sum();
-        // Of the tail, 2/π · 7.5 / 200 lies beyond 200.
+        // A share of 2/π · 7.5 / 200 of the tail is beyond 200.
         assert!((sum - 1.0 + SHARE * 0.0239).abs() < 1e-4, "{sum}");
     }
 

@@ -11,8 +11,8 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 
-/// The difference of a logarithm for a slope: rounding of the innovations is 1e-10 of them, and the curvature is taken
-/// out to the second order.
+/// The difference of a logarithm for a slope. A gate that decides otherwise makes a jump, which a smaller difference
+/// would magnify; the curvature is subtracted, so the error of the slope is of second order.
 const STEP: f64 = 0.1;
 /// No step changes a parameter by more than e² times.
 const LONGEST: f64 = 2.0;
@@ -177,7 +177,7 @@ impl Trials<'_> {
         sum
     }
 
-    /// Slope and information at `theta` for each part, from the runs beside it.
+    /// Slope and information at `theta` for each part, from one more run for each parameter.
     fn slopes(&self, theta: &[f64], base: &Score) -> Result<Vec<Slope>, Diagnostics> {
         let d = theta.len();
         let beside: Result<Vec<Score>, Diagnostics> = (0..d)

@@ -12,7 +12,7 @@
 //!
 //! The likelihood assumes that innovations are independent. So the rows of a sensor are thinned until their neighbours
 //! are white. If they are then too few, nothing is tuned. A parameter with a 1σ of its logarithm above one is not
-//! identifiable by the log, and keeps its declared value. What is found is judged on parts of the log that it was not
+//! identifiable by the log, and keeps its declared value. The result is judged on parts of the log that it was not
 //! found on.
 //!
 //! Source     Gupta, Mehra 1974 (IEEE TAC 19(6), 774): maximum likelihood by Fisher scoring over the innovations
@@ -67,7 +67,7 @@ impl Default for Settings {
     }
 }
 
-/// What was found of a parameter.
+/// The result for a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     /// The parameter.
