@@ -146,10 +146,13 @@
 //! | [`health`], [`smoother`] | a filter's report on itself; smoothing with later data |
 //! | [`consistency`] | χ² quantiles, bands of NIS and NEES |
 //! | [`geometry`], [`time`], [`mod@memory`] | rotations and WGS-84; nanoseconds; internal memory, as bytes |
+//! | [`math`] | sine, root, logarithm …, by the platform or by `libm` |
 //! | [`testing`] | laws for your own models, charts, forms, rules, gates |
 //!
 //! This crate has no sensor, no file, no clock, no thread, no global generator. A run is a function of
 //! its inputs.
+
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub mod belief;
 pub mod chart;
@@ -171,5 +174,6 @@ pub mod stream;
 pub mod testing;
 pub mod time;
 
+pub use fusion_kernels::math;
 pub use state::{Param, Quantity, Slot};
 pub use time::Time;

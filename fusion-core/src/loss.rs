@@ -17,6 +17,7 @@
 //! which a filter, other than a mean, takes for noise.
 
 use crate::consistency::chi_square_quantile;
+use crate::math;
 use core::fmt::Debug;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -68,7 +69,7 @@ fn norm_of_rows(k: f64, rows: usize) -> f64 {
         return k;
     }
     let share = ChiSquared::new(1.0).map_or(1.0, |one| one.cdf(k * k));
-    chi_square_quantile(share, rows as f64).sqrt().max(k)
+    math::sqrt(chi_square_quantile(share, rows as f64)).max(k)
 }
 
 /// Huber: w = min(1, k/|r|). Source: Huber 1964; k = 1.345 gives 95 % efficiency of one row.
@@ -104,7 +105,7 @@ impl Cauchy {
 
 impl Loss for Cauchy {
     fn weight(&self, norm: f64, dim: usize) -> f64 {
-        1.0 / (1.0 + (norm / self.0.of(dim)).powi(2))
+        1.0 / (1.0 + math::powi(norm / self.0.of(dim), 2))
     }
 }
 

@@ -4,6 +4,7 @@
 //! chooses. Integers compare exactly, so the order of events never depends on rounding, and a
 //! sum of steps is the step of the sum.
 
+use crate::math;
 use core::fmt;
 
 /// An instant, in nanoseconds from the epoch of the log.
@@ -26,7 +27,7 @@ impl Time {
     /// where they are not finite, or beyond the 292 years that can be counted.
     #[must_use]
     pub fn checked_from_seconds(seconds: f64) -> Option<Self> {
-        let nanos = (seconds * 1e9).round();
+        let nanos = math::round(seconds * 1e9);
         // 2⁶³, which a float holds and an i64 does not; NaN is not below it.
         (nanos.abs() < i64::MAX as f64).then_some(Self(nanos as i64))
     }
@@ -35,7 +36,7 @@ impl Time {
     /// values saturate and NaN is 0.
     #[must_use]
     pub fn from_seconds(seconds: f64) -> Self {
-        Self((seconds * 1e9).round() as i64)
+        Self(math::round(seconds * 1e9) as i64)
     }
 
     /// Nanoseconds from the epoch.

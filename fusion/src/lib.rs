@@ -34,6 +34,8 @@
 //! The estimator is [`fusion_core`], here `fusion::core`, the blocks are [`fusion_models`], here
 //! `fusion::models`: their pages have the equations.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod assembly;
 mod checkpoint;
 pub mod config;

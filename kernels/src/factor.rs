@@ -13,6 +13,7 @@
 
 use crate::congruence::check;
 use crate::lanes::{Lanes, size, some};
+use crate::math;
 use core::ops::Range;
 
 /// The columns of Φ that the rows of a tile read, and the row from which Φ is diagonal.
@@ -308,7 +309,7 @@ pub(crate) fn reflect<L: Lanes>(shape: Shape, columns: &mut [f64], root: &mut [f
         let last = along_row::<L, false>(&others, columns, &[], tiles, j, j / 8);
         last.store(&mut s[j / 8]);
         let rest = s[j / 8][j % 8];
-        let (norm, sign) = ((own * own + rest).sqrt(), if own < 0.0 { -1.0 } else { 1.0 });
+        let (norm, sign) = (math::sqrt(own * own + rest), if own < 0.0 { -1.0 } else { 1.0 });
         // The square of a smaller value underflows.
         if rest >= f64::MIN_POSITIVE {
             // I − v vᵀ/scale with v = x + sign |x| e_j takes x to −sign |x| e_j; scale = |v|²/2. The column of S is the
@@ -430,7 +431,7 @@ pub(crate) fn weigh<L: Lanes>(n: usize, r: f64, f: &mut [f64], factor: &mut [f64
 #[inline(always)]
 pub(crate) fn rotate<L: Lanes>(n: usize, r: f64, f: &[f64], columns: &mut [f64], scales: &mut [f64]) {
     // ρ and 1/ρ before each column, and after the last of eight.
-    let (mut alpha, mut root) = (r, [r.sqrt(); 9]);
+    let (mut alpha, mut root) = (r, [math::sqrt(r); 9]);
     let mut inverse = [1.0 / root[8]; 9];
     let (lambda, own) = scales.split_at_mut(n.next_multiple_of(8));
     let tiles = lambda.as_chunks_mut::<8>().0.iter_mut().zip(own.as_chunks_mut::<8>().0);
@@ -443,7 +444,7 @@ pub(crate) fn rotate<L: Lanes>(n: usize, r: f64, f: &[f64], columns: &mut [f64],
         alpha = new[7];
         (root[0], inverse[0]) = (root[8], inverse[8]);
         for c in 0..8 {
-            root[c + 1] = new[c].sqrt();
+            root[c + 1] = math::sqrt(new[c]);
             inverse[c + 1] = 1.0 / root[c + 1];
         }
         for c in 0..8 {

@@ -10,6 +10,7 @@
 //! This is the only crate with `unsafe`: intrinsics of processors, calls of functions that need them, and
 //! the view of aligned memory as a slice.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 #![expect(
     clippy::needless_range_loop,
     reason = "plain loops are unrolled into registers; closures lose the features of the processor"
@@ -20,6 +21,7 @@ mod dispatch;
 mod factor;
 mod lanes;
 mod lines;
+pub mod math;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 mod sigma;

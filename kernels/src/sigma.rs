@@ -1,6 +1,7 @@
 //! Sigma points: a square root of P, and sums of products over points.
 
 use crate::lanes::Lanes;
+use crate::math;
 
 /// A variance remainder below this share of the variance is rounding.
 const ROUNDING: f64 = 1e-14;
@@ -22,7 +23,11 @@ pub(crate) fn root<L: Lanes>(n: usize, p: &[f64], l: &mut [f64]) {
             sum.store(&mut row[t]);
         }
         let (pivot, variance) = (row[j / 8][j % 8], p[j * tiles + j / 8][j % 8]);
-        let inverse = if pivot > ROUNDING * variance { 1.0 / pivot.sqrt() } else { 0.0 };
+        let inverse = if pivot > ROUNDING * variance {
+            1.0 / math::sqrt(pivot)
+        } else {
+            0.0
+        };
         for t in j / 8..tiles {
             let mut scaled = L::load(&row[t]).mul(L::splat(inverse));
             if t == j / 8 {

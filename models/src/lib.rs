@@ -99,6 +99,8 @@
 //!
 //! Not here: no block knows an estimator, a covariance or a state index, and no block reads a file.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod block;
 mod channel;
 pub mod earth;

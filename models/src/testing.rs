@@ -7,6 +7,8 @@ mod drive;
 mod fault;
 mod initialiser;
 mod mission;
+#[cfg(all(test, feature = "libm"))]
+mod platforms;
 mod rows;
 mod segment;
 mod stage;

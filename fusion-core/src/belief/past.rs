@@ -14,6 +14,7 @@
 //! pulled by something that the filter has no model of.
 
 use super::Belief;
+use crate::math;
 use crate::memory::{Memory, Tape};
 use crate::state::{Block, Dynamics, Layout, StateRole};
 use crate::time::Time;
@@ -158,7 +159,7 @@ pub(crate) fn own_dynamics(block: &Block, k: usize, elapsed: f64) -> (f64, f64) 
         Dynamics::Process | Dynamics::Constant => (1.0, 0.0),
         Dynamics::RandomWalk { psd } => (1.0, psd[k] * elapsed),
         Dynamics::GaussMarkov { sigma, tau } => {
-            let decay = (-elapsed / tau).exp();
+            let decay = math::exp(-elapsed / tau);
             (decay, sigma[k] * sigma[k] * (1.0 - decay * decay))
         }
     }

@@ -3,6 +3,7 @@
 use super::{Chart, Reset, correct_block};
 use crate::geometry::so3;
 use crate::linear::BlockMatrix;
+use crate::math;
 use crate::state::{Attitude, Kind, Layout, Manifold};
 use core::fmt::Debug;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
@@ -93,16 +94,16 @@ const EULER_EDGE: f64 = 0.05;
 impl AttitudeChart for AdditiveEuler {
     fn matrix(q: &UnitQuaternion<f64>) -> Option<Matrix3<f64>> {
         let rpy = so3::to_rpy(q);
-        (rpy.y.cos() > EULER_EDGE).then(|| so3::body_rate_of_euler(rpy.x, rpy.y))
+        (math::cos(rpy.y) > EULER_EDGE).then(|| so3::body_rate_of_euler(rpy.x, rpy.y))
     }
     fn retract(q: &UnitQuaternion<f64>, own: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
         let rpy = so3::to_rpy(q) + own;
         // Beyond ±90° the angles of the same attitude are others.
-        (rpy.y.cos() > EULER_EDGE).then(|| so3::from_rpy(rpy.x, rpy.y, rpy.z))
+        (math::cos(rpy.y) > EULER_EDGE).then(|| so3::from_rpy(rpy.x, rpy.y, rpy.z))
     }
     fn lift(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> Option<Vector3<f64>> {
         let (a, b) = (so3::to_rpy(a), so3::to_rpy(b));
-        (a.y.cos().min(b.y.cos()) > EULER_EDGE).then(|| (a - b).map(so3::wrap_angle))
+        (math::cos(a.y).min(math::cos(b.y)) > EULER_EDGE).then(|| (a - b).map(so3::wrap_angle))
     }
 }
 
@@ -129,7 +130,7 @@ impl AttitudeChart for AdditiveQuaternion {
         let turned = Matrix3::identity() * d.w - so3::skew(&d.imag());
         Some(match reset {
             Reset::Plain => turned,
-            Reset::Full => turned / (1.0 + 0.25 * own.norm_squared()).sqrt(),
+            Reset::Full => turned / math::sqrt(1.0 + 0.25 * own.norm_squared()),
         })
     }
 }

@@ -14,6 +14,7 @@ use super::dense::axpy;
 use super::form::LARGEST;
 use super::upper;
 use crate::linear::{BlockMatrix, NoiseBlocks, Transition, padded};
+use crate::math;
 use core::ops::Range;
 use fusion_kernels::{Kernel, Shape};
 
@@ -144,7 +145,7 @@ impl<'a> Array<'a> {
         }
         self.weights[len] = weight;
         if unite {
-            let root = weight.sqrt();
+            let root = math::sqrt(weight);
             out.iter_mut().for_each(|c| *c *= root);
             self.weights[len] = 1.0;
         }

@@ -11,6 +11,7 @@
 use super::form::LARGEST;
 use super::{Form, Workspace};
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
+use crate::math;
 use core::ops::Range;
 use fusion_kernels::{Kernel, Lines, Product};
 
@@ -150,7 +151,7 @@ impl<'a> Whole<'a> {
                 return;
             }
             let (own, u, k) = (&w.dense.c[..ld], &mut w.u[..ld], &mut w.dense.k[..ld]);
-            kernel.gain(&[s.sqrt()], 1, own, u, k, ld);
+            kernel.gain(&[math::sqrt(s)], 1, own, u, k, ld);
             kernel.downdate(n, u, 1, self.p);
             self.refine(i..i + 1, h, &[r], &mut w.dense, kernel);
         }
@@ -332,7 +333,7 @@ fn set_block(n: usize, p: &mut [f64], block: Range<usize>, value: &[f64]) {
 }
 
 fn scale(n: usize, p: &mut [f64], axes: &[Range<usize>], factor: f64) {
-    let (ld, root) = (padded(n), factor.sqrt());
+    let (ld, root) = (padded(n), math::sqrt(factor));
     for (i, row) in p.chunks_exact_mut(ld).enumerate() {
         for (j, v) in row[..n].iter_mut().enumerate() {
             *v *= [1.0, root, factor][share(axes, i, j)];

@@ -17,6 +17,7 @@ mod square_root;
 mod udu;
 mod upper;
 
+use crate::math;
 pub(crate) use dense::axpy;
 pub use dense::{Joseph, Standard};
 pub use form::{Form, Workspace};
@@ -134,7 +135,7 @@ impl Covariance {
 
     /// Standard deviation of each axis of `block`; NaN if a variance is negative.
     pub fn sigmas<'a>(&'a self, block: &Block) -> impl Iterator<Item = f64> + 'a {
-        self.variances(block).map(f64::sqrt)
+        self.variances(block).map(math::sqrt)
     }
 
     /// P_ij.

@@ -1,6 +1,7 @@
 //! Small dense factors and solves: S is at most as large as a measurement. No inverse is formed.
 
 use super::dense::axpy;
+use crate::math;
 
 /// Lower Cholesky factor of the symmetric m×m matrix `s` into `l`; false if it is not positive
 /// definite.
@@ -38,7 +39,7 @@ fn factor(s: &[f64], l: &mut [f64], m: usize) -> bool {
         }
     }
     for j in 0..m {
-        let root = l[j * m + j].sqrt();
+        let root = math::sqrt(l[j * m + j]);
         l[j * m + j] = root;
         for i in j + 1..m {
             l[i * m + j] /= root;

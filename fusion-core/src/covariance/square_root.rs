@@ -13,6 +13,7 @@ use super::array::Array;
 use super::upper;
 use super::{Form, Workspace, faer};
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
+use crate::math;
 use core::mem::MaybeUninit;
 use core::ops::Range;
 use fusion_kernels::Kernel;
@@ -66,14 +67,14 @@ impl Form for SquareRoot {
         for k in block {
             let column = &mut p[k * padded(n)..=k * padded(n) + k];
             // Not a number where the variance is negative.
-            let root = column[k].sqrt();
+            let root = math::sqrt(column[k]);
             column[first..k].iter_mut().for_each(|u| *u *= root);
             column[k] = root;
         }
     }
 
     fn scale(&self, n: usize, p: &mut [f64], axes: &[Range<usize>], factor: f64) {
-        let root = factor.sqrt();
+        let root = math::sqrt(factor);
         for column in p.chunks_exact_mut(padded(n)) {
             axes.iter().for_each(|a| column[a.clone()].iter_mut().for_each(|s| *s *= root));
         }
@@ -143,7 +144,7 @@ fn absorb(before: &mut [f64], column: &mut [f64]) {
     }
     let ld = before.len() / n;
     for (j, other) in before.chunks_exact_mut(ld).enumerate().rev() {
-        let norm = (other[j] * other[j] + a[j] * a[j]).sqrt();
+        let norm = math::sqrt(other[j] * other[j] + a[j] * a[j]);
         if a[j] != 0.0 && norm > 0.0 {
             rotate(other[j] / norm, a[j] / norm, &mut other[..=j], &mut a[..=j]);
         }

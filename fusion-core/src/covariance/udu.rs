@@ -12,6 +12,7 @@ use super::array::Array;
 use super::upper;
 use super::{Form, Workspace};
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
+use crate::math;
 use core::ops::Range;
 
 /// U D Uᵀ by Bierman and Thornton: positive by construction, without square roots.
@@ -56,7 +57,13 @@ impl Form for Udu {
     }
 
     fn scale(&self, n: usize, p: &mut [f64], axes: &[Range<usize>], factor: f64) {
-        let scale = |i: usize| if axes.iter().any(|a| a.contains(&i)) { factor.sqrt() } else { 1.0 };
+        let scale = |i: usize| {
+            if axes.iter().any(|a| a.contains(&i)) {
+                math::sqrt(factor)
+            } else {
+                1.0
+            }
+        };
         let (u, d) = p.split_at_mut(n * padded(n));
         for (k, column) in u.chunks_exact_mut(padded(n)).enumerate() {
             let own = scale(k);

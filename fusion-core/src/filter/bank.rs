@@ -20,6 +20,7 @@ use crate::chart::{Body, Chart};
 use crate::consistency::chi_square_quantile;
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Odds, Outcome, log_normal, log_sum};
 use crate::loss::Loss;
+use crate::math;
 use crate::memory::{self, Memory, Tape};
 use crate::model::Input;
 use crate::state::{Block, Layout, View};
@@ -316,7 +317,7 @@ impl Gate for Broker<'_> {
         Answer {
             decision,
             // The probability that the measurement is false. Above one half, the measurement is rejected.
-            statistic: (odds.bad - log_sum(odds.bad, log_sum(odds.good, odds.lost))).exp(),
+            statistic: math::exp(odds.bad - log_sum(odds.bad, log_sum(odds.good, odds.lost))),
             threshold: 0.5,
             mode: if decision == Decision::Reject { Mode::Denied } else { Mode::Track },
         }
@@ -469,7 +470,7 @@ impl Bank {
         let order = |a: &Hypothesis, b: &Hypothesis| b.weight.total_cmp(&a.weight).then(b.is_successor.cmp(&a.is_successor));
         self.hypotheses.sort_unstable_by(order);
         let best = self.hypotheses[0].weight;
-        let least = best + self.limits.least.ln();
+        let least = best + math::ln(self.limits.least);
         while self.hypotheses.last().is_some_and(|h| h.weight <= least) {
             self.spare.extend(self.hypotheses.pop());
         }
@@ -479,7 +480,9 @@ impl Bank {
         }
         let best = self.hypotheses[0].weight;
         self.hypotheses.iter_mut().for_each(|h| h.weight -= best);
-        let stays = self.successor().filter(|s| self.hypotheses[*s].weight >= -self.limits.switch.ln());
+        let stays = self
+            .successor()
+            .filter(|s| self.hypotheses[*s].weight >= -math::ln(self.limits.switch));
         self.shown = stays.unwrap_or(0);
         self.rivals.changed = match (stays, self.successor()) {
             (None, Some(before)) => Some(self.apart(0, before)),
@@ -501,16 +504,16 @@ impl Bank {
     fn compare(&mut self) {
         let (mut squares, mut all) = (0.0, 0.0);
         for k in 0..self.hypotheses.len() {
-            let probability = self.hypotheses[k].weight.exp();
+            let probability = math::exp(self.hypotheses[k].weight);
             all += probability;
             if k != self.shown {
-                squares += probability * self.apart(self.shown, k).powi(2);
+                squares += probability * math::powi(self.apart(self.shown, k), 2);
             }
         }
-        let shown = self.hypotheses[self.shown].weight.exp();
+        let shown = math::exp(self.hypotheses[self.shown].weight);
         self.rivals.count = self.hypotheses.len();
         (self.rivals.probability, self.rivals.apart) = if all > 0.0 {
-            (shown / all, (squares / all).sqrt())
+            (shown / all, math::sqrt(squares / all))
         } else {
             (1.0, 0.0)
         };
@@ -521,7 +524,7 @@ impl Bank {
         let [a, b] = [a, b].map(|k| &self.hypotheses[k].estimator);
         Body.difference(a.layout(), &a.belief().x, &b.belief().x, &mut self.delta);
         // A number in radians does not know of full turns.
-        let apart = |axis: &usize| self.delta[*axis] - TAU * (self.delta[*axis] / TAU).round();
+        let apart = |axis: &usize| self.delta[*axis] - TAU * math::round(self.delta[*axis] / TAU);
         self.angles.iter().map(|axis| apart(axis).abs()).fold(0.0, f64::max)
     }
 
@@ -532,7 +535,7 @@ impl Bank {
         let mut successors = self.hypotheses.iter().enumerate().filter(|(_, h)| h.is_successor);
         let (first, best) = successors.next()?;
         let without = successors.find(|(_, h)| best.report.is_used() && !h.report.is_used());
-        let is_near = |h: &Hypothesis| h.weight > best.weight - SURE.ln();
+        let is_near = |h: &Hypothesis| h.weight > best.weight - math::ln(SURE);
         Some(without.filter(|(_, h)| is_near(h)).map_or(first, |(k, _)| k))
     }
 
@@ -581,7 +584,7 @@ impl Bank {
 fn is_alike(a: &Hypothesis, b: &Hypothesis, delta: &mut [f64]) -> bool {
     let (x, y) = (a.estimator.belief(), b.estimator.belief());
     Body.difference(a.estimator.layout(), &y.x, &x.x, delta);
-    let is_near = |(axis, d): (usize, &f64)| d.abs() <= ALIKE * x.covariance.variance(axis).sqrt();
+    let is_near = |(axis, d): (usize, &f64)| d.abs() <= ALIKE * math::sqrt(x.covariance.variance(axis));
     delta.iter().enumerate().all(is_near)
 }
 
@@ -663,7 +666,7 @@ impl Estimator for Bank {
         let offer = Offer {
             observed,
             loss,
-            depth: -self.limits.doubt.ln(),
+            depth: -math::ln(self.limits.doubt),
             cap: self.cap(size.residual),
         };
         for k in 0..self.hypotheses.len() {

@@ -12,6 +12,7 @@
 
 use super::iterated::linearise;
 use super::rule::{Innovation, Problem};
+use crate::math;
 use crate::state::ALIGNED;
 
 /// The outer points of the quadrature, in σ, and the weight of each; the point in the middle leaves nothing out.
@@ -32,7 +33,7 @@ pub(super) fn add_curvature(angular: &[usize], problem: &mut Problem<'_>, work: 
     let Some(axis) = open_axis(angular, problem, work) else { return };
     let (m, model) = (work.rows, problem.observed.model);
     let value = model.size().value;
-    let sigma = problem.covariance.variance(axis).sqrt();
+    let sigma = math::sqrt(problem.covariance.variance(axis));
     for (i, d) in work.trial.delta.iter_mut().enumerate() {
         *d = problem.covariance.element(i, axis) / sigma;
     }

@@ -6,7 +6,7 @@
 //!            retraction; K = PH̃ᵀ(H̃PH̃ᵀ + R)⁻¹; δ ← K (r_j + H̃ δ_j)
 //! Control    a step that does not lower the cost is shortened to the least of a parabola
 //! After      P ← (I − KH̃)P in coordinates about x̂; the chart carries it to x̂ ⊞ δ by D: [`Reset::Full`]
-//! Source     spec §7.9; the same estimate as IKFoM (arXiv 2102.03804) and Huai and Gao (arXiv
+//! Source     Bell and Cathey 1993; the same estimate as IKFoM (arXiv 2102.03804) and Huai and Gao (arXiv
 //!            2307.09237), who write it in coordinates about x_j, J = D⁻¹
 //!
 //! [`Reset::Full`]: crate::chart::Reset::Full
@@ -14,6 +14,7 @@
 use super::rule::{Innovation, Problem, UpdateRule};
 use crate::covariance::{cholesky, solve_lower, solve_rows};
 use crate::linear::BlockMatrix;
+use crate::math;
 
 /// Gauss-Newton on the manifold.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -183,7 +184,7 @@ fn distance(work: &mut Innovation, is_weighed: bool) -> f64 {
         solve_lower(&work.trial.noise, &mut work.whitened[..m], m);
         squared += work.whitened[..m].iter().map(|v| v * v).sum::<f64>();
     }
-    squared.max(0.0).sqrt()
+    math::sqrt(squared.max(0.0))
 }
 
 /// Residual and H̃ at x̂ ⊞ δ; false where h has no value there.

@@ -17,6 +17,7 @@ use crate::covariance::{Covariance, Form, Kernel};
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Outcome};
 use crate::linear::{BlockMatrix, Jacobian, Transition};
 use crate::loss::Loss;
+use crate::math;
 use crate::memory::{Memory, Tape};
 use crate::model::{Gap, Input, LastInput, Process, SignalBuffer, Size};
 use crate::state::{ALIGNED, Layout, View};
@@ -206,7 +207,7 @@ impl Filter {
         let steps = if total <= longest {
             1.0
         } else {
-            (total / longest).ceil().clamp(1.0, 1e6)
+            math::ceil(total / longest).clamp(1.0, 1e6)
         };
         self.x_before.copy_from_slice(&self.belief.x);
         if steps > 1.0 {
@@ -337,7 +338,7 @@ impl Filter {
     /// The largest 1σ of an axis of the orientations \[rad\]; zero without any.
     fn widest_orientation(&self) -> f64 {
         let variances = self.growing.angular.iter().map(|axis| self.belief.covariance.variance(*axis));
-        variances.fold(0.0, f64::max).sqrt()
+        math::sqrt(variances.fold(0.0, f64::max))
     }
 
     /// The belief before a step, if steps are kept.
@@ -400,7 +401,7 @@ impl Filter {
         }
         let nis = work.whiten();
         for i in 0..m {
-            work.sigma[i] = work.work.s[i * m + i].sqrt();
+            work.sigma[i] = math::sqrt(work.work.s[i * m + i]);
         }
         work.innovation_factor[..m * m].copy_from_slice(&work.work.l[..m * m]);
         Ok(nis)
@@ -428,7 +429,7 @@ impl Filter {
     /// R ← R / w. Returns the weight, or `None` if S is then not positive definite.
     fn weigh(&mut self, nis: f64, loss: &dyn Loss) -> Option<f64> {
         let (m, work) = (self.work.rows, &mut self.work);
-        let weight = loss.weight(nis.sqrt(), m);
+        let weight = loss.weight(math::sqrt(nis), m);
         if weight < 1.0 {
             work.noise[..m * m].iter_mut().for_each(|r| *r /= weight);
             if !work.factor() {

@@ -1,6 +1,7 @@
 //! The own dynamics of state blocks: random walks and Gauss-Markov decay.
 
 use crate::linear::Transition;
+use crate::math;
 use crate::state::{Dynamics, Layout};
 
 /// A tangent coordinate that walks: its axis, and the density of its noise.
@@ -89,7 +90,7 @@ impl OwnDynamics {
     /// Computes everything that depends on the length of a step.
     fn set_step(&mut self, dt: f64) {
         self.dt = dt;
-        self.times.iter_mut().for_each(|(tau, decay)| *decay = (-dt / *tau).exp());
+        self.times.iter_mut().for_each(|(tau, decay)| *decay = math::exp(-dt / *tau));
         for markov in &mut self.markovs {
             markov.decay = self.times[markov.time].1;
         }

@@ -14,6 +14,7 @@
 //!           Schmidt-Kalman filter; for k → ∞ it is that of Schmidt 1966
 
 use super::kalman::Filter;
+use crate::math;
 use crate::state::{Block, Layout, StateRole};
 use std::sync::Arc;
 
@@ -52,7 +53,7 @@ impl Default for Lately {
 /// The largest mean of `numbers` squares of a standard normal variable that chance explains.
 fn explained(numbers: f64) -> f64 {
     let spread = 2.0 / (9.0 * numbers);
-    (1.0 - spread + EXPLAINED * spread.sqrt()).powi(3)
+    math::powi(1.0 - spread + EXPLAINED * math::sqrt(spread), 3)
 }
 
 impl Lately {

@@ -13,6 +13,7 @@
 
 use crate::covariance::{Covariance, Kernel, Lines, axpy};
 use crate::linear::{BlockMatrix, Transition, padded};
+use crate::math;
 
 /// How the sigma points are spread: the scaled set.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +37,7 @@ impl Spread {
     /// γ over n dimensions.
     #[must_use]
     pub fn reach(&self, n: usize) -> f64 {
-        self.alpha * (n as f64 + self.kappa).sqrt()
+        self.alpha * math::sqrt(n as f64 + self.kappa)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The starts of a bank with an unobserved heading: all round, in even steps.
 
 use crate::belief::Belief;
+use crate::math;
 use crate::state::{Attitude, Block, Kind, Layout, Manifold, StateRole};
 use core::f64::consts::{PI, TAU};
 use core::ops::Range;
@@ -42,7 +43,7 @@ impl Open {
             3 => turn.dot(&(belief.covariance.marginal_at::<3>(axes.start) * turn)),
             _ => belief.covariance.variance(axes.start),
         };
-        let sigma = variance.max(0.0).sqrt();
+        let sigma = math::sqrt(variance.max(0.0));
         Some(Self { axes, turn, sigma })
     }
 

@@ -2,6 +2,7 @@
 
 use super::{Answer, Gate, GateInput, Nis, Odds, Recovery};
 use crate::covariance::cholesky;
+use crate::math;
 use core::f64::consts::PI;
 
 /// How false measurements occur: one by one, or as a track that agrees with itself.
@@ -139,7 +140,7 @@ impl Hypotheses {
     /// ln of the density of a false measurement, given whether the latest measurement was false.
     fn false_density(&self, input: &GateInput<'_>) -> f64 {
         let m = input.residual.len();
-        let anywhere = -(m as f64) * (2.0 * self.tracks.reach).ln();
+        let anywhere = -(m as f64) * math::ln(2.0 * self.tracks.reach);
         if self.track.rows.len() != m {
             return anywhere;
         }
@@ -149,10 +150,10 @@ impl Hypotheses {
             let along = self.along(i, time);
             let variance = along.p[0] + input.noise[i * m + i];
             let off = input.residual[i] - along.residual;
-            -0.5 * (off * off / variance + (2.0 * PI * variance).ln())
+            -0.5 * (off * off / variance + math::ln(2.0 * PI * variance))
         };
         let stays: f64 = (0..m).map(of_row).sum();
-        log_sum(stays + (1.0 - jumps).ln(), anywhere + jumps.ln())
+        log_sum(stays + math::ln(1.0 - jumps), anywhere + math::ln(jumps))
     }
 
     /// The measurement at hand is false: it begins a track, or updates the existing track.
@@ -233,8 +234,8 @@ pub(crate) fn log_normal(x: &[f64], s: &[f64]) -> Option<f64> {
     let m = x.len();
     let (l, y) = whitened(x, s)?;
     let nis: f64 = y[..m].iter().map(|y| y * y).sum();
-    let det: f64 = (0..m).map(|i| l[i * m + i].ln()).sum();
-    Some(-0.5 * nis - det - 0.5 * m as f64 * (2.0 * PI).ln())
+    let det: f64 = (0..m).map(|i| math::ln(l[i * m + i])).sum();
+    Some(-0.5 * nis - det - 0.5 * m as f64 * math::ln(2.0 * PI))
 }
 
 /// S⁻¹ x of an m-vector; `None` if `s` is not positive definite.
@@ -251,7 +252,7 @@ fn solve(s: &[f64], x: &[f64]) -> Option<[f64; ROWS]> {
 /// ln(eᵃ + eᵇ).
 pub(crate) fn log_sum(a: f64, b: f64) -> f64 {
     let (more, less) = if a > b { (a, b) } else { (b, a) };
-    more + (less - more).exp().ln_1p()
+    more + math::ln_1p(math::exp(less - more))
 }
 
 impl Gate for Hypotheses {
@@ -286,11 +287,11 @@ impl Gate for Hypotheses {
         let m = input.residual.len();
         let good = log_normal(input.residual, input.innovation)?;
         let becomes_false = if self.is_false { 1.0 - ends } else { rate };
-        let is_good = (1.0 - becomes_false).ln();
+        let is_good = math::ln(1.0 - becomes_false);
         Some(Odds {
             good: good + is_good,
-            bad: self.false_density(input) + becomes_false.ln(),
-            lost: lost.ln() + is_good - m as f64 * (2.0 * self.tracks.reach).ln(),
+            bad: self.false_density(input) + math::ln(becomes_false),
+            lost: math::ln(lost) + is_good - m as f64 * math::ln(2.0 * self.tracks.reach),
         })
     }
 }

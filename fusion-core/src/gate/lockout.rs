@@ -1,6 +1,7 @@
 //! The memory of a gate: denial and recovery.
 
 use super::{Decision, GateInput, Mode};
+use crate::math;
 use crate::time::Time;
 use smallvec::SmallVec;
 
@@ -200,10 +201,10 @@ impl Lockout {
         let mean = |values: [f64; WITNESSES]| values.iter().sum::<f64>() / WITNESSES as f64;
         let times = self.times.map(|t| t.seconds_since(input.time));
         let middle = mean(times);
-        let spread = mean(times.map(|t| (t - middle).powi(2)));
+        let spread = mean(times.map(|t| math::powi(t - middle, 2)));
         let agreement = self.recovery.agreement.max(self.bend(input));
         (0..m).all(|i| {
-            let limit = (agreement * input.noise[i * m + i].sqrt()).max(floor);
+            let limit = (agreement * math::sqrt(input.noise[i * m + i])).max(floor);
             let values = core::array::from_fn(|k| self.witnesses[k][i]);
             let centre = mean(values);
             let moment = mean(core::array::from_fn(|k| (times[k] - middle) * (values[k] - centre)));
@@ -222,8 +223,8 @@ impl Lockout {
         if self.first.len() != m || refused < SPANS * span {
             return 0.0;
         }
-        let apart = |i: usize| (input.residual[i] - self.first[i]).powi(2) / input.noise[i * m + i];
-        let bend = BEND * (0..m).map(apart).sum::<f64>().sqrt() * span / refused;
+        let apart = |i: usize| math::powi(input.residual[i] - self.first[i], 2) / input.noise[i * m + i];
+        let bend = BEND * math::sqrt((0..m).map(apart).sum::<f64>()) * span / refused;
         if bend.is_finite() { bend } else { 0.0 }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{Answer, Gate, GateInput, Lockout, Recovery};
 use crate::consistency::chi_square_quantile;
+use crate::math;
 
 /// Normalised innovation squared against a χ² quantile.
 #[derive(Clone, Debug)]
@@ -56,7 +57,7 @@ impl Gate for Nis {
         let quantile = || chi_square_quantile(self.probability, m as f64);
         let threshold = self.thresholds.get(m).copied().unwrap_or_else(quantile);
         for (smallest, unit) in smallest.iter_mut().zip(input.unit_nis) {
-            *smallest = (threshold / unit).sqrt();
+            *smallest = math::sqrt(threshold / unit);
         }
     }
 }

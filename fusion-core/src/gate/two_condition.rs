@@ -13,6 +13,7 @@
 
 use super::{Answer, Decision, Gate, GateInput, Lockout, Recovery};
 use crate::consistency::chi_square_quantile;
+use crate::math;
 use crate::time::Time;
 use core::f64::consts::SQRT_2;
 
@@ -147,12 +148,12 @@ impl TwoCondition {
 
     fn horizontal_limit(&self, input: &GateInput<'_>) -> f64 {
         let [nn, _, ee] = horizontal_block(input.noise, input.residual.len());
-        self.limit(self.conditions.sigma.unwrap_or_else(|| (0.5 * (nn + ee)).sqrt()))
+        self.limit(self.conditions.sigma.unwrap_or_else(|| math::sqrt(0.5 * (nn + ee))))
     }
 
     fn vertical_limit(&self, input: &GateInput<'_>) -> f64 {
         let m = input.residual.len();
-        self.limit(self.conditions.vertical_sigma.unwrap_or_else(|| input.noise[2 * m + 2].sqrt()))
+        self.limit(self.conditions.vertical_sigma.unwrap_or_else(|| math::sqrt(input.noise[2 * m + 2])))
     }
 
     fn horizontal(&self, input: &GateInput<'_>) -> Part {
@@ -168,8 +169,8 @@ impl TwoCondition {
         Part {
             statistic,
             gamma: self.gamma,
-            size: n.hypot(e),
-            step: (n - pn).hypot(e - pe),
+            size: math::hypot(n, e),
+            step: math::hypot(n - pn, e - pe),
             limit: self.horizontal_limit(input),
         }
     }
@@ -208,7 +209,7 @@ impl TwoCondition {
         match self.conditions.magnitude {
             Magnitude::Reported { limit } => {
                 let [nn, _, ee] = horizontal_block(input.noise, input.residual.len());
-                exceeds((nn + ee).sqrt(), limit)
+                exceeds(math::sqrt(nn + ee), limit)
             }
             Magnitude::Quality { limit } => input.quality.is_none_or(|quality| exceeds(quality, limit)),
             Magnitude::Distance | Magnitude::Step { .. } => false,
@@ -291,12 +292,12 @@ impl Gate for TwoCondition {
         } else {
             ne * ne
         };
-        let inside = [nn - correlated / ee, ee - correlated / nn].map(|v| (self.gamma * v).sqrt());
+        let inside = [nn - correlated / ee, ee - correlated / nn].map(|v| math::sqrt(self.gamma * v));
         for (smallest, inside) in smallest.iter_mut().zip(inside) {
             *smallest = self.smallest(inside, limit, input);
         }
         if self.judges_height(input) {
-            let inside = (self.gamma_down * p[2 * m + 2]).sqrt();
+            let inside = math::sqrt(self.gamma_down * p[2 * m + 2]);
             smallest[2] = self.smallest(inside, self.vertical_limit(input), input);
         }
     }

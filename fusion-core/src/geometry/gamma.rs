@@ -17,6 +17,7 @@
 //!            Contact-Aided Invariant EKF, appendix
 
 use super::so3::skew;
+use crate::math;
 use nalgebra::{Matrix3, Vector3};
 
 /// Below this θ² the series are summed: the next term, θ¹⁸/19!, is below 1e-17.
@@ -37,8 +38,8 @@ fn coefficient(k: u32, y: f64) -> (f64, f64) {
         return (value, slope);
     }
     // e₀ = cos θ, e₁ = sin θ/θ, and e_{k−2} = 1/(k−2)! − θ² e_k; 2θ² e_k' = e_{k−1} − k e_k.
-    let theta = y.sqrt();
-    let mut e = [theta.cos(), theta.sin() / theta];
+    let theta = math::sqrt(y);
+    let mut e = [math::cos(theta), math::sin(theta) / theta];
     for i in 2..=k {
         e = [e[1], (inverse_factorial(i - 2) - e[0]) / y];
     }

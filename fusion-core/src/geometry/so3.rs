@@ -14,6 +14,7 @@
 //! to rounding replace the library's trigonometric functions: faster, free of 0/0, and the
 //! same bits on every platform.
 
+use crate::math;
 use core::f64::consts::{PI, TAU};
 
 use nalgebra::{Matrix3, Matrix4, Quaternion, UnitQuaternion, Vector3, Vector4};
@@ -60,7 +61,7 @@ pub fn wrap_angle(angle: f64) -> f64 {
     if angle > -PI && angle <= PI {
         return angle;
     }
-    let wrapped = angle - TAU * ((angle - PI) / TAU).ceil();
+    let wrapped = angle - TAU * math::ceil((angle - PI) / TAU);
     // Rounding may leave the result an ulp outside.
     if wrapped <= -PI || wrapped > PI { PI } else { wrapped }
 }
@@ -77,8 +78,8 @@ pub fn exp(phi: &Vector3<f64>) -> UnitQuaternion<f64> {
         let sinc = 1.0 - x * ((1.0 / 6.0 - x * (1.0 / 120.0)) + x2 * (1.0 / 5040.0 - x * (1.0 / 362_880.0)));
         (cos, 0.5 * sinc)
     } else {
-        let theta = theta2.sqrt();
-        let (sin, cos) = (0.5 * theta).sin_cos();
+        let theta = math::sqrt(theta2);
+        let (sin, cos) = math::sin_cos(0.5 * theta);
         (cos, sin / theta)
     };
     UnitQuaternion::new_unchecked(Quaternion::from_parts(w, k * phi))
@@ -99,7 +100,7 @@ pub fn log(q: &UnitQuaternion<f64>) -> Vector3<f64> {
         let t2 = (n / w) * (n / w);
         v * (2.0 / w * (1.0 - t2 / 3.0))
     } else {
-        v * (2.0 * n.atan2(w) / n)
+        v * (2.0 * math::atan2(n, w) / n)
     }
 }
 
@@ -113,9 +114,9 @@ fn jacobian_coefficients(theta2: f64) -> (f64, f64) {
         let b = 1.0 / 6.0 - y * ((1.0 / 120.0 - y * (1.0 / 5040.0)) + y2 * (1.0 / 362_880.0 - y * (1.0 / 39_916_800.0)));
         (a, b)
     } else {
-        let theta = y.sqrt();
-        let half = (0.5 * theta).sin();
-        (2.0 * half * half / y, (theta - theta.sin()) / (theta * y))
+        let theta = math::sqrt(y);
+        let half = math::sin(0.5 * theta);
+        (2.0 * half * half / y, (theta - math::sin(theta)) / (theta * y))
     }
 }
 
@@ -142,8 +143,8 @@ pub fn right_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
         // Bernoulli series 1/12 + y/720 + y²/30240 + …; the next term is below 2e-16.
         1.0 / 12.0 + y * (1.0 / 720.0 + y * (1.0 / 30_240.0 + y * (1.0 / 1_209_600.0 + y / 47_900_160.0)))
     } else {
-        let half = 0.5 * y.sqrt();
-        (1.0 - half / half.tan()) / y
+        let half = 0.5 * math::sqrt(y);
+        (1.0 - half / math::tan(half)) / y
     };
     let s = skew(phi);
     Matrix3::identity() + 0.5 * s + c * (s * s)
@@ -179,8 +180,8 @@ fn jacobian_slopes(theta2: f64) -> (f64, f64) {
         }
         (a, b)
     } else {
-        let theta = y.sqrt();
-        let (sin, cos) = theta.sin_cos();
+        let theta = math::sqrt(y);
+        let (sin, cos) = math::sin_cos(theta);
         (
             (theta * sin - 2.0 * (1.0 - cos)) / (y * y),
             (3.0 * sin - 2.0 * theta - theta * cos) / (y * y * theta),
@@ -228,7 +229,7 @@ pub fn to_scalar_first(q: &UnitQuaternion<f64>) -> Vector4<f64> {
 #[inline]
 #[must_use]
 pub fn from_scalar_first(v: &Vector4<f64>) -> UnitQuaternion<f64> {
-    UnitQuaternion::try_new(Quaternion::new(v[0], v[1], v[2], v[3]), f64::MIN_POSITIVE.sqrt()).unwrap_or_else(UnitQuaternion::identity)
+    UnitQuaternion::try_new(Quaternion::new(v[0], v[1], v[2], v[3]), math::sqrt(f64::MIN_POSITIVE)).unwrap_or_else(UnitQuaternion::identity)
 }
 
 /// `q_nb` from roll, pitch, yaw \[rad\]: turn by yaw about down, then by pitch about the new
@@ -236,9 +237,9 @@ pub fn from_scalar_first(v: &Vector4<f64>) -> UnitQuaternion<f64> {
 #[inline]
 #[must_use]
 pub fn from_rpy(roll: f64, pitch: f64, yaw: f64) -> UnitQuaternion<f64> {
-    let (sr, cr) = (0.5 * roll).sin_cos();
-    let (sp, cp) = (0.5 * pitch).sin_cos();
-    let (sy, cy) = (0.5 * yaw).sin_cos();
+    let (sr, cr) = math::sin_cos(0.5 * roll);
+    let (sp, cp) = math::sin_cos(0.5 * pitch);
+    let (sy, cy) = math::sin_cos(0.5 * yaw);
     UnitQuaternion::new_unchecked(Quaternion::new(
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
@@ -258,14 +259,14 @@ pub fn to_rpy(q: &UnitQuaternion<f64>) -> Vector3<f64> {
     let c = rotation(q);
     let c31 = c[(2, 0)];
     // As −asin(c31), but accurate near ±90° too, and never NaN.
-    let pitch = (-c31).atan2(c[(2, 1)].hypot(c[(2, 2)]));
+    let pitch = math::atan2(-c31, math::hypot(c[(2, 1)], c[(2, 2)]));
     if c31.abs() > GIMBAL_LOCK_C31 {
-        return Vector3::new(0.0, pitch, wrap_angle((-c[(0, 1)]).atan2(c[(1, 1)])));
+        return Vector3::new(0.0, pitch, wrap_angle(math::atan2(-c[(0, 1)], c[(1, 1)])));
     }
     Vector3::new(
-        wrap_angle(c[(2, 1)].atan2(c[(2, 2)])),
+        wrap_angle(math::atan2(c[(2, 1)], c[(2, 2)])),
         pitch,
-        wrap_angle(c[(1, 0)].atan2(c[(0, 0)])),
+        wrap_angle(math::atan2(c[(1, 0)], c[(0, 0)])),
     )
 }
 
@@ -274,8 +275,8 @@ pub fn to_rpy(q: &UnitQuaternion<f64>) -> Vector3<f64> {
 #[inline]
 #[must_use]
 pub fn body_rate_of_euler(roll: f64, pitch: f64) -> Matrix3<f64> {
-    let (sr, cr) = roll.sin_cos();
-    let (sp, cp) = pitch.sin_cos();
+    let (sr, cr) = math::sin_cos(roll);
+    let (sp, cp) = math::sin_cos(pitch);
     Matrix3::new(1.0, 0.0, -sp, 0.0, cr, sr * cp, 0.0, -sr, cr * cp)
 }
 
@@ -287,8 +288,8 @@ pub fn body_rate_of_euler(roll: f64, pitch: f64) -> Matrix3<f64> {
 #[must_use]
 pub fn euler_rate_of_body(roll: f64, pitch: f64) -> Matrix3<f64> {
     const COS_FLOOR: f64 = 0.014_141_782_065_920_829; // √(1 − 0.9999²)
-    let (sr, cr) = roll.sin_cos();
-    let (sp, cp) = pitch.sin_cos();
+    let (sr, cr) = math::sin_cos(roll);
+    let (sp, cp) = math::sin_cos(pitch);
     let cp = cp.abs().max(COS_FLOOR).copysign(cp);
     let tp = sp / cp;
     Matrix3::new(1.0, sr * tp, cr * tp, 0.0, cr, -sr, 0.0, sr / cp, cr / cp)

@@ -11,6 +11,7 @@
 //!             A latitude pushed past ±90° is left there: it still names the right point.
 //! Source      NIMA TR8350.2; Groves 2013, eqs. 2.105, 2.106, 2.111
 
+use crate::math;
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use nalgebra::Vector3;
 
@@ -47,7 +48,7 @@ impl Radii {
     #[must_use]
     pub fn of_sin_squared(sin2: f64) -> Self {
         let w2 = 1.0 - ECCENTRICITY_SQUARED * sin2;
-        let w = w2.sqrt();
+        let w = math::sqrt(w2);
         Self {
             meridian: SEMI_MAJOR_AXIS * (1.0 - ECCENTRICITY_SQUARED) / (w2 * w),
             normal: SEMI_MAJOR_AXIS / w,
@@ -59,7 +60,7 @@ impl Radii {
     #[must_use]
     pub fn reciprocals(sin2: f64, height: f64) -> Self {
         let w2 = 1.0 - ECCENTRICITY_SQUARED * sin2;
-        let w = w2.sqrt();
+        let w = math::sqrt(w2);
         let w3 = w2 * w;
         Self {
             meridian: w3 / (SEMI_MAJOR_AXIS * (1.0 - ECCENTRICITY_SQUARED) + height * w3),
@@ -73,7 +74,7 @@ impl Radii {
 #[inline]
 #[must_use]
 pub fn radii(lat: f64) -> Radii {
-    let s = lat.sin();
+    let s = math::sin(lat);
     Radii::of_sin_squared(s * s)
 }
 
@@ -81,7 +82,7 @@ pub fn radii(lat: f64) -> Radii {
 #[inline]
 #[must_use]
 pub fn radii_derivative(lat: f64) -> Radii {
-    let (s, c) = lat.sin_cos();
+    let (s, c) = math::sin_cos(lat);
     let r = Radii::of_sin_squared(s * s);
     let k = ECCENTRICITY_SQUARED * s * c / (1.0 - ECCENTRICITY_SQUARED * s * s);
     Radii {
@@ -106,7 +107,7 @@ pub fn sin_cos_latitude(lat: f64) -> (f64, f64) {
         let (cos, sin) = near_zero((FRAC_PI_2 - size) + FRAC_PI_2_REST);
         return (sin.copysign(lat), cos);
     }
-    lat.sin_cos()
+    math::sin_cos(lat)
 }
 
 /// π/2 less its nearest double.

@@ -13,6 +13,7 @@
 
 use crate::belief::Belief;
 use crate::linear::Jacobian;
+use crate::math;
 use crate::memory::{Memory, Tape};
 use crate::state::{AxisUnit, Block, Dynamics, Kind, Layout, StateRole};
 use crate::time::Time;
@@ -125,7 +126,7 @@ impl Aid {
     /// Notes how well each axis is known.
     pub(super) fn hear(&mut self, belief: &Belief) {
         for (axis, sigma) in self.sigma.iter_mut().enumerate() {
-            *sigma = belief.covariance.element(axis, axis).max(0.0).sqrt();
+            *sigma = math::sqrt(belief.covariance.element(axis, axis).max(0.0));
         }
     }
 

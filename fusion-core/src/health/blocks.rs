@@ -4,6 +4,7 @@
 use super::pulse::Held;
 use super::{Limits, Reason};
 use crate::belief::{Belief, Past, own_dynamics};
+use crate::math;
 use crate::memory::{Memory, Tape};
 use crate::state::{AxisUnit, Block, Dynamics, Layout, StateRole};
 use crate::time::Time;
@@ -114,7 +115,7 @@ impl Blocks {
                 StateRole::Kinematic => {
                     let both = belief.covariance.variances(b).zip(&mut was_above[b.tangent_range()]);
                     both.enumerate().fold(false, |is_below, (k, (v, was_above))| {
-                        let floor = floor(b, k, limits).powi(2);
+                        let floor = math::powi(floor(b, k, limits), 2);
                         *was_above |= v >= floor;
                         is_below || (v < floor && *was_above)
                     })
@@ -126,7 +127,7 @@ impl Blocks {
                         .iter()
                         .enumerate()
                         .map(|(k, v)| v + wandered(b, k, elapsed));
-                    let is_far = |(d, v): (&f64, f64)| v > 0.0 && d.powi(2) > limits.calibration.powi(2) * v;
+                    let is_far = |(d, v): (&f64, f64)| v > 0.0 && d * d > math::powi(limits.calibration, 2) * v;
                     difference.iter().zip(allowed).any(is_far)
                 }
                 StateRole::Nuisance => {

@@ -17,6 +17,7 @@
 //!           schemes; Siegmund 1985, Sequential analysis, section II.6
 
 use crate::filter::Update;
+use crate::math;
 
 /// Measurements that the noise is learnt from, and the number of measurements as which the declared noise counts at
 /// first.
@@ -156,7 +157,7 @@ impl Axis {
         self.last = z;
         let rho = (self.lagged / self.square).clamp(0.0, CORRELATED);
         let correlated = self.square.max(1.0) * (1.0 + rho) / (1.0 - rho);
-        let y = z / self.batches.iter().fold(correlated, |v, batch| v.max(batch.variance)).sqrt();
+        let y = z / math::sqrt(self.batches.iter().fold(correlated, |v, batch| v.max(batch.variance)));
         let most = TOP * limit;
         self.up.add(y, most);
         self.down.add(-y, most);
@@ -230,7 +231,7 @@ fn limit(measurements: f64) -> f64 {
     }
     // exp b = 1 + b + n/2: each step of the fixed point is ten times as near if n is some thousands.
     let half = 0.5 * measurements.max(2.0);
-    let b = (0..4).fold(half.ln(), |b, _| (1.0 + b + half).ln());
+    let b = (0..4).fold(math::ln(half), |b, _| math::ln(1.0 + b + half));
     (b - BEYOND).max(1.0)
 }
 

@@ -142,7 +142,7 @@ impl Transition {
     }
 
     /// Adds half of `block` before Φ and half after it: the trapezoidal rule
-    /// Q_d = ½(ΦQΦᵀ + Q) for Q = G Q_c Gᵀ Δt (spec: ½(ΦGQ_cGᵀΦᵀ + GQ_cGᵀ)Δt).
+    /// Q_d = ½(ΦQΦᵀ + Q) for Q = G Q_c Gᵀ Δt.
     pub fn noise_trapezoid<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)
     where
         A: Tangent<R>,

@@ -7,6 +7,7 @@
 use super::measurement::{Measurement, Size, Undefined};
 use crate::geometry::wgs84;
 use crate::linear::Jacobian;
+use crate::math;
 use crate::state::{Angle, Attitude, Geodetic, Manifold, Position, Quantity, Scalar, Vector, Velocity, View};
 use core::cell::RefCell;
 use core::fmt::Debug;
@@ -137,7 +138,7 @@ impl<'a, D: Real> ExactView<'a, D> {
         let r = wgs84::radii(p.lat);
         [
             self.delta(place, 0) * (1.0 / (r.meridian + p.height)) + p.lat,
-            self.delta(place, 1) * (1.0 / ((r.normal + p.height) * wgs84::divisible_cos(p.lat.cos()))) + p.lon,
+            self.delta(place, 1) * (1.0 / ((r.normal + p.height) * wgs84::divisible_cos(math::cos(p.lat)))) + p.lon,
             -self.delta(place, 2) + p.height,
         ]
     }

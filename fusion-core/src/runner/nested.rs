@@ -15,6 +15,7 @@ use super::{Emitter, Event, Halt, Observer, Row, Runner, Stage, StreamId};
 use crate::belief::Belief;
 use crate::filter::Estimator;
 use crate::geometry::so3;
+use crate::math;
 use crate::state::{Attitude, Block, Manifold, View};
 use crate::time::Time;
 use core::ops::Range;
@@ -109,7 +110,7 @@ fn heading(belief: &Belief, attitude: &Block) -> [f64; 4] {
     let q = Attitude::read(&belief.x[attitude.storage_range()]);
     let c_nb = so3::rotation(&q);
     let p_b = belief.covariance.marginal::<3>(attitude);
-    let sigma = (c_nb * p_b * c_nb.transpose()).diagonal().map(f64::sqrt);
+    let sigma = (c_nb * p_b * c_nb.transpose()).diagonal().map(math::sqrt);
     [so3::to_rpy(&q).z, sigma.z, sigma.x, sigma.y]
 }
 

@@ -5,6 +5,7 @@ use super::{Offset, StreamId};
 use crate::belief::Belief;
 use crate::gate::Gate;
 use crate::loss::Loss;
+use crate::math;
 use crate::memory::Memory;
 use crate::model::Measurement;
 use crate::state::{Layout, View};
@@ -83,7 +84,7 @@ impl Noise {
         r.copy_from_slice(&self.covariance);
         let m = self.sigma_columns.len();
         for (i, &c) in self.sigma_columns.iter().enumerate() {
-            r[i * m + i] += (row[c] * self.scale).powi(2);
+            r[i * m + i] += math::powi(row[c] * self.scale, 2);
         }
     }
 }

@@ -18,6 +18,7 @@
 use super::quarantine::{Admission, Quarantine};
 use super::rows::Row;
 use super::{Event, Halt, Observer, Runner, StreamId};
+use crate::math;
 use crate::memory::{Memory, Tape, recall, save};
 use crate::time::{Time, nanos};
 use core::ops::Range;
@@ -279,7 +280,7 @@ impl Runner {
             deepest,
             replay: deepest + spacing,
             // One snapshot before the oldest row that may come, and the snapshot being taken.
-            snapshots: (deepest / spacing).ceil() as usize + 2,
+            snapshots: math::ceil(deepest / spacing) as usize + 2,
             snapshot_bytes: bytes.len(),
         })
     }

@@ -3,6 +3,7 @@
 use super::numeric::finite;
 use super::process::{check_noise, check_steps, check_transition};
 use crate::linear::Transition;
+use crate::math;
 use crate::model::{Gap, Input, Process, SignalBuffer};
 use crate::state::Layout;
 
@@ -76,7 +77,7 @@ pub fn check_coasting(layout: &Layout, process: &dyn Process, x: &[f64], dt: f64
     let (mut apart, mut moved) = (vec![0.0; layout.dim()], vec![0.0; layout.dim()]);
     layout.minus(&driven, &coasted, &mut apart);
     layout.minus(&coasted, x, &mut moved);
-    let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let norm = |v: &[f64]| math::sqrt(v.iter().map(|v| v * v).sum::<f64>());
     // The input belongs to the end of the step: second order in dt. By then gravity has turned, ½g|w| = 3, and the
     // force, ½|w||f| = 0.7, and it has faded, ½|f|/τ = 1.2 for a second. 1e-9: rounding of a position.
     let limit = (6.0 + norm(&moved)) * dt * dt + 1e-9;

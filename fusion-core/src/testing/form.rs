@@ -7,6 +7,7 @@ use crate::filter::{Estimator, Filter, Observed, Parts, UpdateRule, Verdict};
 use crate::gate::Open;
 use crate::linear::{BlockMatrix, Jacobian, Transition};
 use crate::loss::Quadratic;
+use crate::math;
 use crate::model::{Input, Measurement, Process, Size, Undefined};
 use crate::state::{Declaration, Dynamics, Layout, LayoutBuilder, Quantity, Scalar, Slot, StateRole, View};
 use nalgebra::{DMatrix, DVector, Matrix1};
@@ -129,7 +130,7 @@ fn blocks(form: &Arc<dyn Form>, layout: &Layout, p: &DMatrix<f64>) -> Result<(),
     let mut c = covariance(form, p);
     c.scale(core::slice::from_ref(&(0..middle + 1)), 5.0);
     let d = DMatrix::from_fn(n, n, |i, j| match (i == j, i <= middle) {
-        (true, true) => 5.0_f64.sqrt(),
+        (true, true) => math::sqrt(5.0_f64),
         (true, false) => 1.0,
         _ => 0.0,
     });
@@ -394,7 +395,7 @@ pub fn check_update_rule(rule: &Arc<dyn UpdateRule>) -> Result<(), String> {
         if update.verdict != Verdict::Accepted || !near(update.nis, nis) {
             return Err(format!("{name}: {:?} with a NIS of {} for {nis}", update.verdict, update.nis));
         }
-        if !(0..m).all(|i| near(update.residual[i], residual[i]) && near(update.innovation_sigma[i], s[(i, i)].sqrt())) {
+        if !(0..m).all(|i| near(update.residual[i], residual[i]) && near(update.innovation_sigma[i], math::sqrt(s[(i, i)]))) {
             return Err(format!("{name}: the residual or S is not that of the prediction"));
         }
         let moved = &x + &gain * &residual;

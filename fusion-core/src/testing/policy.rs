@@ -4,6 +4,7 @@ use super::memory::check_memory;
 use super::random::Lcg;
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode};
 use crate::loss::Loss;
+use crate::math;
 use crate::time::Time;
 
 /// The weight is 1 at no residual, in (0, 1] everywhere, and never grows with the residual.
@@ -18,7 +19,7 @@ pub fn check_loss(loss: &dyn Loss) -> Result<(), String> {
         }
         for k in 0..=2400 {
             // 1e-4 to 1e8 standard deviations.
-            let norm = 10_f64.powf(f64::from(k) / 200.0 - 4.0);
+            let norm = math::powf(10_f64, f64::from(k) / 200.0 - 4.0);
             let w = loss.weight(norm, dim);
             if !(w > 0.0 && w <= 1.0) {
                 return Err(format!("the weight at |r| = {norm}, dimension {dim}, is {w}, outside (0, 1]"));
@@ -68,14 +69,14 @@ impl<'a> Feed<'a> {
         self.time += after;
         self.offer(&ZERO, |gate, input| gate.power(input, &mut smallest));
         self.time = now;
-        smallest.iter().map(|s| s / 2_f64.sqrt()).collect()
+        smallest.iter().map(|s| s / math::sqrt(2_f64)).collect()
     }
 
     fn offer(&mut self, sigmas: &[f64], to: impl FnOnce(&mut dyn Gate, &GateInput<'_>)) {
         let m = self.dim;
         let diagonal = |v: f64| (0..m * m).map(|i| if i % (m + 1) == 0 { v } else { 0.0 }).collect::<Vec<_>>();
         let (one, two) = (diagonal(1.0), diagonal(2.0));
-        let residual: Vec<f64> = sigmas[..m].iter().map(|s| s * 2_f64.sqrt()).collect();
+        let residual: Vec<f64> = sigmas[..m].iter().map(|s| s * math::sqrt(2_f64)).collect();
         let input = GateInput {
             time: Time::from_seconds(self.time),
             residual: &residual,

@@ -3,6 +3,7 @@
 use super::coasting::check_coasting;
 use super::numeric::{column, finite, rounding, within};
 use crate::linear::Transition;
+use crate::math;
 use crate::model::{Input, Order, Process, SignalBuffer};
 use crate::state::{Block, Dynamics, Layout};
 use nalgebra::DMatrix;
@@ -85,7 +86,7 @@ pub(super) fn check_noise(layout: &Layout, process: &dyn Process, x: &[f64], inp
             .map_or("?", |b| b.name.as_str())
     };
     // As correlations, so that metres and radians weigh alike.
-    let scale: Vec<f64> = (0..n).map(|i| q[(i, i)].max(0.0).sqrt()).collect();
+    let scale: Vec<f64> = (0..n).map(|i| math::sqrt(q[(i, i)].max(0.0))).collect();
     let mut correlation = DMatrix::zeros(n, n);
     for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
         let size = scale[i] * scale[j];

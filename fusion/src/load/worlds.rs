@@ -3,6 +3,7 @@
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Draft, Named, SensorDesign, SimulationDesign};
 use crate::rows::{FaultChain, provided};
+use fusion_core::math;
 use fusion_models::block::{Channel, imu_channels};
 use fusion_models::fault::{FaultSpec, derive_seed};
 use fusion_models::sim::{
@@ -55,7 +56,7 @@ fn astray(sensor: &Named<SensorDesign>, world: &SimulationSpec) -> Option<Diagno
     // One that is estimated may truly be another.
     let arm: Vec3Of<dim::Length> = declared.read(&mut Diagnostics::new())?;
     let ([x, y, z], [ux, uy, uz]) = (arm.si(), world.unit.si());
-    if (x + ux).hypot(y + uy).hypot(z + uz) < SAME_PLACE {
+    if math::hypot(math::hypot(x + ux, y + uy), z + uz) < SAME_PLACE {
         return None;
     }
     let message = "in this world the point at `lever_arm` does not move along the path, and slides sideways in a turn";

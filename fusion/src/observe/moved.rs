@@ -18,6 +18,7 @@ use core::ops::Range;
 use fusion_core::belief::Belief;
 use fusion_core::consistency::chi_square_quantile;
 use fusion_core::filter::{Update, Verdict};
+use fusion_core::math;
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::state::{Block, Dynamics, Kind, StateRole};
@@ -326,7 +327,7 @@ impl Stretch {
     /// Ends the stretch, and keeps it if a calibration moved farther than in the worst stretch so far.
     fn close(&mut self) {
         if let (true, Some(since)) = (self.is_beyond, self.began) {
-            let limit = chi_square_quantile(PROBABILITY, 1.0).sqrt();
+            let limit = math::sqrt(chi_square_quantile(PROBABILITY, 1.0));
             let mut moved = core::mem::take(&mut self.farthest);
             moved.retain(|m| m.sigmas > limit);
             moved.sort_by(|a, b| b.sigmas.total_cmp(&a.sigmas));
@@ -360,7 +361,7 @@ impl Calibration {
         let has_values = self.block.kind.is_linear() || self.block.kind == Kind::Angle;
         let axes = difference.iter().zip(&before.variance[self.tangent.clone()]).enumerate();
         let sigmas = axes.map(|(axis, (moved, variance))| {
-            let sigma = (variance.max(0.0) + self.wandered(axis, elapsed)).sqrt();
+            let sigma = math::sqrt(variance.max(0.0) + self.wandered(axis, elapsed));
             (axis, sigma, if sigma > 0.0 { moved.abs() / sigma } else { 0.0 })
         });
         let Some((axis, sigma, sigmas)) = sigmas.max_by(|a, b| a.2.total_cmp(&b.2)) else {

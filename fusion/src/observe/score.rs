@@ -3,6 +3,7 @@
 use super::{Heard, RunEvent, RunObserver};
 use crate::score::{BlockScorer, Rules, Score, Scorer};
 use fusion_core::filter::{Update, Verdict};
+use fusion_core::math;
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
 
@@ -79,8 +80,8 @@ fn moved(update: &Update<'_>) -> f64 {
     let rows = update.innovation_sigma.len();
     let of = |k: usize| {
         let noise = update.noise.get(k * (rows + 1)).copied().unwrap_or_default();
-        let own = update.innovation_sigma[k].powi(2) - noise;
-        update.residual[k].abs() * own.max(0.0).sqrt() / (own + noise / update.weight)
+        let own = math::powi(update.innovation_sigma[k], 2) - noise;
+        update.residual[k].abs() * math::sqrt(own.max(0.0)) / (own + noise / update.weight)
     };
     // A row without information gives NaN.
     (0..rows.min(update.residual.len())).map(of).fold(0.0, f64::max)

@@ -6,6 +6,7 @@ use crate::score::{Consistency, Quantiles, Series};
 use core::ops::Range;
 use fusion_core::filter::{Update, Verdict};
 use fusion_core::gate::Mode;
+use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt, StreamId};
 use fusion_core::time::Time;
@@ -376,7 +377,7 @@ impl Follower {
         self.end_streak(end);
         let innovations = &mut self.statistics.innovations;
         let count = innovations.count.max(1) as f64;
-        innovations.rms = self.rows.iter().map(|row| (row.squares / count).sqrt()).collect();
+        innovations.rms = self.rows.iter().map(|row| math::sqrt(row.squares / count)).collect();
         innovations.lag_1 = self.rows.iter().map(|row| row.pairs.correlation()).collect();
         innovations.mean = self.rows.iter().map(|row| row.sum / count).collect();
         innovations.mean_sigmas = self.rows.iter().map(|row| row.scaled.mean_sigmas()).collect();

@@ -9,6 +9,7 @@ use crate::rows::FaultChain;
 use crate::run::{Options, data_dir, open_one};
 use crate::source::OpenContext;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_models::block::{Channel, InitialiserSpec, Taken};
 use fusion_models::units::{Axes, dim, range};
 use std::path::{Path, PathBuf};
@@ -70,7 +71,7 @@ fn counted_twice(design: &Design, start: &Named<Box<dyn InitialiserSpec>>) -> Op
         // A horizontal sensor does not measure the height.
         let rows = sensor.block.model.noise().len();
         let ratios = slow.si().into_iter().zip(sigma).take(rows).map(|(slow, sigma)| slow / sigma);
-        Some(1.0_f64.hypot(ratios.filter(|ratio| ratio.is_finite()).fold(0.0, f64::max)))
+        Some(math::hypot(1.0_f64, ratios.filter(|ratio| ratio.is_finite()).fold(0.0, f64::max)))
     };
     let found = design
         .sensors

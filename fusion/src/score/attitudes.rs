@@ -5,6 +5,7 @@ use super::comparison::{AttitudeError, Deviation, attitude_error};
 use super::scorer::Sums;
 use super::{Axes, Spread};
 use fusion_core::geometry::so3;
+use fusion_core::math;
 use fusion_core::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -179,7 +180,7 @@ impl Attitudes {
 impl Found {
     fn of(sums: Sums, mut turns: Turns, count: f64, mounting_deg: Option<[f64; 3]>) -> Self {
         let degrees = |of: &mut Quantiles| Spread::of(of).map(|spread| spread.times(1_f64.to_degrees()));
-        let rms = |squares: f64| (count > 0.0).then(|| (squares / count).sqrt().to_degrees());
+        let rms = |squares: f64| (count > 0.0).then(|| math::sqrt(squares / count).to_degrees());
         Self {
             axes: sums.axes(),
             mounting_deg,
@@ -212,7 +213,10 @@ fn rotation_of(rpy_deg: [f64; 3]) -> UnitQuaternion<f64> {
 /// vertical, and the remaining rotation about a level axis \[rad\].
 pub(super) fn swing_and_twist(e: &UnitQuaternion<f64>) -> [f64; 2] {
     // atan2 instead of acos √(w² + z²), which is inaccurate near 0.
-    [2.0 * e.k.abs().atan2(e.w.abs()), 2.0 * e.i.hypot(e.j).atan2(e.w.hypot(e.k))]
+    [
+        2.0 * math::atan2(e.k.abs(), e.w.abs()),
+        2.0 * math::atan2(math::hypot(e.i, e.j), math::hypot(e.w, e.k)),
+    ]
 }
 
 /// The rotation with the least mean squared angle to all `rotations`.

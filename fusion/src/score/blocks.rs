@@ -3,6 +3,7 @@
 use super::Consistency;
 use super::nees::{NeesSeries, nees};
 use fusion_core::belief::Belief;
+use fusion_core::math;
 use fusion_core::state::{Block, Dynamics, Layout, StateRole};
 use fusion_core::time::Time;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -122,7 +123,7 @@ impl Follower {
         for (k, (e, s)) in error.iter().zip(sigma.iter_mut()).enumerate() {
             // `s` is still a variance here.
             let is_estimated = f64::from(*s != 0.0);
-            *s = s.max(0.0).sqrt();
+            *s = math::sqrt(s.max(0.0));
             self.squares[k] += e * e;
             self.sigmas[k] += *s;
             self.inside[k] += f64::from(e.abs() <= 3.0 * *s) * is_estimated;
@@ -143,7 +144,7 @@ impl Follower {
             name: block.name,
             is_parameter: block.role != StateRole::Kinematic,
             unit: block.unit.into(),
-            rms: list((self.squares / count).map(f64::sqrt)),
+            rms: list((self.squares / count).map(math::sqrt)),
             three_sigma: list(self.sigmas * (3.0 / count)),
             inside: list(self.inside.component_div(&self.estimated)),
             error: list(self.last.0),

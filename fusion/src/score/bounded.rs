@@ -7,6 +7,7 @@
 //!
 //! Means and their correlation: [`Series`](super::Series).
 
+use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 
 /// Up to this number all values are kept: 44 minutes at 100 Hz.
@@ -110,7 +111,7 @@ impl Quantiles {
     /// The quantile: this share of all values does not exceed it.
     pub(crate) fn within(&mut self, share: f64) -> Option<f64> {
         let count = self.len() as f64;
-        self.at(((share * count).ceil() as usize).saturating_sub(1))
+        self.at((math::ceil(share * count) as usize).saturating_sub(1))
     }
 
     /// The value of this rank in sorted order: exact, or the middle of its bin.

@@ -4,6 +4,7 @@ use super::ReferenceEpoch;
 use crate::solution::{Solution, sigmas};
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::state::wrap;
 use fusion_core::time::Time;
@@ -86,7 +87,7 @@ impl Deviation {
         } else {
             p.trace() / 2.0
         };
-        (length, variance.sqrt())
+        (length, math::sqrt(variance))
     }
 
     /// Returns true if the reference knows every axis.

@@ -13,6 +13,7 @@
 
 use super::Series;
 use fusion_core::consistency::mean_band;
+use fusion_core::math;
 use serde::{Deserialize, Serialize};
 
 /// The probability of the band of a mean statistic.
@@ -93,7 +94,7 @@ impl Consistency {
         let mean = runs.iter().map(|c| c.mean).sum::<f64>() / number;
         let count = runs.iter().map(|c| c.count).sum();
         let within: f64 = runs.iter().map(|c| c.independent).sum();
-        let scatter = runs.iter().map(|c| (c.mean - mean).powi(2)).sum::<f64>() / (number - 1.0);
+        let scatter = runs.iter().map(|c| math::powi(c.mean - mean, 2)).sum::<f64>() / (number - 1.0);
         let between = number * 2.0 * mean * mean / (dof as f64 * scatter);
         // One run, or runs without scatter, give no limit.
         let between = if between.is_finite() { between.max(number) } else { within };
@@ -122,7 +123,7 @@ impl Consistency {
     pub fn among(self, judged: usize) -> Self {
         let probability = 1.0 - (1.0 - BAND) / judged.max(1) as f64;
         Self {
-            band: mean_band(probability, self.dof, self.independent.round() as usize),
+            band: mean_band(probability, self.dof, math::round(self.independent) as usize),
             ..self
         }
     }
@@ -133,7 +134,7 @@ impl Consistency {
             dof,
             count,
             independent,
-            band: mean_band(BAND, dof, independent.round() as usize),
+            band: mean_band(BAND, dof, math::round(independent) as usize),
         }
     }
 
@@ -166,7 +167,7 @@ impl Consistency {
     /// The size of the errors in units of the filter's own 1σ: √(mean / dof), 1 if consistent.
     #[must_use]
     pub fn error_ratio(&self) -> f64 {
-        self.over_expected().sqrt()
+        math::sqrt(self.over_expected())
     }
 }
 

@@ -15,6 +15,7 @@
 
 use super::comparison::EpochError;
 use fusion_core::geometry::so3;
+use fusion_core::math;
 use fusion_core::time::Time;
 use nalgebra::UnitQuaternion;
 use serde::Serialize;
@@ -74,7 +75,8 @@ impl Sums {
 
     /// The variances of a, b and d. For a normal angle the mean of exp(iφ) has the length exp(−σ²/2).
     fn variances(&self) -> [f64; 3] {
-        self.angles.map(|[c, s]| -2.0 * (c.hypot(s) / self.weight).min(1.0).ln())
+        self.angles
+            .map(|[c, s]| -2.0 * math::ln((math::hypot(c, s) / self.weight).min(1.0)))
     }
 }
 
@@ -90,13 +92,13 @@ impl CourseFit {
             return;
         };
         let yaw = |q: &UnitQuaternion<f64>| so3::to_rpy(q).z;
-        let course = velocity.y.atan2(velocity.x);
+        let course = math::atan2(velocity.y, velocity.x);
         let (estimate, truth) = (yaw(&attitude.estimate), yaw(&truth));
         let weight = velocity.xy().norm_squared();
         if !weight.is_finite() {
             return;
         }
-        let (time, length) = (error.time(), SHORTEST * f64::from(self.doubled).exp2());
+        let (time, length) = (error.time(), SHORTEST * math::exp2(f64::from(self.doubled)));
         if self.parts.last().is_none_or(|part| time.seconds_since(part.begun) >= length) {
             if self.parts.len() == PARTS {
                 self.parts = self.parts.chunks(2).map(Sums::of_all).collect();
@@ -110,7 +112,7 @@ impl CourseFit {
         if let Some(part) = self.parts.last_mut() {
             part.weight += weight;
             for (sums, angle) in part.angles.iter_mut().zip([course - truth, course - estimate, estimate - truth]) {
-                *sums = [sums[0] + weight * angle.cos(), sums[1] + weight * angle.sin()];
+                *sums = [sums[0] + weight * math::cos(angle), sums[1] + weight * math::sin(angle)];
             }
         }
     }
@@ -126,14 +128,14 @@ impl CourseFit {
             .collect();
         let (squares, of_reference) = parts.iter().fold((0.0, 0.0), |(s, o), (squares, own)| (s + squares, o + own));
         let share = of_reference / squares;
-        let scatter = parts.iter().map(|(squares, own)| (own - share * squares).powi(2)).sum::<f64>();
+        let scatter = parts.iter().map(|(squares, own)| math::powi(own - share * squares, 2)).sum::<f64>();
         let n = parts.len() as f64;
         (parts.len() >= LEAST && squares > 0.0).then(|| Course {
-            reference_deg: a.sqrt().to_degrees(),
-            estimate_deg: b.sqrt().to_degrees(),
-            own_deg: own([a, b, d]).max(0.0).sqrt().to_degrees(),
+            reference_deg: math::sqrt(a).to_degrees(),
+            estimate_deg: math::sqrt(b).to_degrees(),
+            own_deg: math::sqrt(own([a, b, d]).max(0.0)).to_degrees(),
             share,
-            share_sigma: (scatter * n / (n - 1.0)).sqrt() / squares,
+            share_sigma: math::sqrt(scatter * n / (n - 1.0)) / squares,
         })
     }
 }

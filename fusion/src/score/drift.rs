@@ -12,6 +12,7 @@
 //! window.
 
 use super::comparison::Deviation;
+use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::time::Time;
 use fusion_models::fault::{Repeated, Window, Windows};
@@ -254,8 +255,8 @@ impl Running {
         let (_, [n, e]) = self.first;
         let [north, east] = [error.error.x, error.error.y];
         self.last = time;
-        self.max = self.max.max(north.hypot(east));
-        self.growth = self.growth.max((north - n).hypot(east - e));
+        self.max = self.max.max(math::hypot(north, east));
+        self.growth = self.growth.max(math::hypot(north - n, east - e));
     }
 
     /// The drift if the run ends here, possibly inside the outage.

@@ -7,6 +7,7 @@ use super::comparison::{Deviation, EpochError};
 use super::nees::NeesSeries;
 use super::{Axes, Consistency};
 use crate::score::scorer::Sums;
+use fusion_core::math;
 use fusion_models::fault::Windows;
 use serde::{Deserialize, Serialize};
 
@@ -79,7 +80,7 @@ impl EpisodeScorer {
         if let Some(d) = &error.position {
             part.position.add(error.time(), d);
             // 0 if it is not known; then it is not counted.
-            part.horizontal += d.error.x.powi(2) + d.error.y.powi(2);
+            part.horizontal += math::powi(d.error.x, 2) + math::powi(d.error.y, 2);
         }
         let body = error.attitude.as_ref().map(|a| &a.body).filter(|_| attitude);
         let deviations: [Option<&Deviation>; 3] = [error.position.as_ref().filter(|d| d.is_horizontal()), error.velocity.as_ref(), body];
@@ -100,7 +101,7 @@ impl Part {
         PartScore {
             epochs: count as usize,
             position: self.position.axes(),
-            horizontal_rms: (self.horizontal / self.position.horizontal()).sqrt(),
+            horizontal_rms: math::sqrt(self.horizontal / self.position.horizontal()),
             nees: self.nees.map(|series| series.consistency()),
         }
     }

@@ -8,6 +8,7 @@
 
 use super::comparison::Deviation;
 use super::{Consistency, Series};
+use fusion_core::math;
 use nalgebra::allocator::Allocator;
 use nalgebra::{DMatrix, DVector, DefaultAllocator, DimMin, OMatrix, OVector, SymmetricEigen};
 
@@ -72,7 +73,7 @@ where
         if a[(j, j)].is_nan() || a[(j, j)] <= 0.0 {
             return None;
         }
-        let pivot = a[(j, j)].sqrt();
+        let pivot = math::sqrt(a[(j, j)]);
         a[(j, j)] = pivot;
         (j + 1..n).for_each(|i| a[(i, j)] /= pivot);
     }

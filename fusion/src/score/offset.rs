@@ -9,6 +9,7 @@
 //! Not here  errors that change in time: they are noise, and count as independent after [`INDEPENDENT`]
 
 use super::comparison::Deviation;
+use fusion_core::math;
 use fusion_core::time::Time;
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use serde::Serialize;
@@ -83,7 +84,7 @@ fusion_core::memory!(Sums {
 impl OffsetFit {
     /// Takes the error at the next epoch, with estimated attitude and velocity.
     pub(super) fn add(&mut self, time: Time, d: &Deviation, motion: Option<&(UnitQuaternion<f64>, Vector3<f64>)>) {
-        let length = SHORTEST * f64::from(self.doubled).exp2();
+        let length = SHORTEST * math::exp2(f64::from(self.doubled));
         let is_full = |part: &Sums| part.span.is_some_and(|(first, _)| time.seconds_since(first) >= length);
         if self.parts.last().is_none_or(is_full) {
             if self.parts.len() == PARTS {
@@ -165,7 +166,7 @@ impl Sums {
             explained: explained(&without),
             own: core::array::from_fn(|k| {
                 // Without this axis, the variance of an independent row would increase by (x/σ)².
-                let more = (with.x[k] / with.sigma[k]).powi(2) / (2.0 * self.count * share);
+                let more = math::powi(with.x[k] / with.sigma[k], 2) / (2.0 * self.count * share);
                 more / (1.0 + more)
             }),
             halves: [[0.0; 3]; 2],
@@ -188,7 +189,7 @@ impl Sums {
             let weight = share / variance.max(f64::MIN_POSITIVE);
             let mut p = m * weight;
             for k in 0..N {
-                p[(k, k)] += PRIOR[k].powi(-2);
+                p[(k, k)] += math::powi(PRIOR[k], -2);
                 if !is_free(k) {
                     p[(k, k)] += 1e12 * (weight * m[(k, k)]).max(1.0);
                 }
@@ -196,7 +197,7 @@ impl Sums {
             let p = p.cholesky()?;
             let x = p.solve(&(y * weight));
             let left = self.squares - 2.0 * x.dot(&y) + (m * x).dot(&x);
-            let sigma = p.inverse().diagonal().map(f64::sqrt);
+            let sigma = p.inverse().diagonal().map(math::sqrt);
             variance = left / (2.0 * self.count);
             found = Some(Fit { x, sigma, left });
         }

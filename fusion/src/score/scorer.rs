@@ -13,6 +13,7 @@ use super::trajectory::{Poses, TrajectoryRules};
 use super::travelled::Horizontal;
 use super::{Axes, Score, Spread, Spreads};
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_core::time::Time;
 use fusion_models::fault::Windows;
 use nalgebra::Vector3;
@@ -98,7 +99,7 @@ impl Sums {
     /// RMS of the length; `None` if the reference does not know every axis.
     fn whole_rms(&self) -> Option<f64> {
         let is_known = self.known.min() > 0.0;
-        is_known.then(|| self.squares.component_div(&self.known).sum().sqrt())
+        is_known.then(|| math::sqrt(self.squares.component_div(&self.known).sum()))
     }
 
     /// The number of epochs.
@@ -115,7 +116,7 @@ impl Sums {
         // NaN for an axis that the reference never knew.
         let once = self.known.map(|known| if known > 0.0 { 1.0 } else { f64::NAN });
         (self.count > 0.0).then(|| Axes {
-            rms: self.squares.component_div(&self.known).map(f64::sqrt).into(),
+            rms: self.squares.component_div(&self.known).map(math::sqrt).into(),
             mean: self.sum.component_div(&self.known).into(),
             max: self.max.component_mul(&once).into(),
             max_time: core::array::from_fn(|k| self.max_time[k].seconds() * once[k]),
@@ -304,7 +305,7 @@ impl Scorer {
         Score {
             epochs: (self.position.count as usize).max(self.velocity.count as usize).max(attitude_count),
             position: self.position.axes(),
-            horizontal_rms: (self.horizontal.squares / self.position.horizontal()).sqrt(),
+            horizontal_rms: math::sqrt(self.horizontal.squares / self.position.horizontal()),
             horizontal_max: self.horizontal.largest(),
             horizontal_median: spread.horizontal.map(|s| s.median),
             horizontal_p95: spread.horizontal.map(|s| s.p95),
@@ -330,7 +331,7 @@ impl Scorer {
             episodes: self.episodes.map(EpisodeScorer::finish),
             blocks: Vec::new(),
             drift_rms: (!drift.is_empty())
-                .then(|| (drift.iter().map(|d| d.max_horizontal.powi(2)).sum::<f64>() / drift.len() as f64).sqrt()),
+                .then(|| math::sqrt(drift.iter().map(|d| math::powi(d.max_horizontal, 2)).sum::<f64>() / drift.len() as f64)),
             drift_median: median(drift.iter().map(|d| d.max_horizontal).collect()),
             drift,
         }

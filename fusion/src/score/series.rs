@@ -1,6 +1,7 @@
 //! A series of statistics: its mean, and the correlation of neighbours in time.
 
 use super::bounded::KEPT;
+use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 
 /// The number of lags of the autocorrelation.
@@ -139,7 +140,7 @@ impl Series {
             return 0.0;
         }
         let variance = self.squares / self.count as f64 / self.independent();
-        self.mean() / variance.sqrt()
+        self.mean() / math::sqrt(variance)
     }
 
     /// The same for a given mean, and the sum of the squared differences of all values from it.

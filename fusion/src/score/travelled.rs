@@ -11,6 +11,7 @@
 
 use super::bounded::{Quantiles, Thinned};
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use serde::Serialize;
 
 /// The distance is measured in chords of this length \[m\]: noise of the reference does not count as distance.
@@ -79,7 +80,7 @@ fusion_core::memory!(Horizontal {
 impl Horizontal {
     /// Takes the next error, north and east \[m\], and the position of the reference.
     pub(super) fn add(&mut self, error: [f64; 2], place: Option<&Geodetic>) {
-        let length = error[0].hypot(error[1]);
+        let length = math::hypot(error[0], error[1]);
         self.lengths.add(length);
         self.squares += length * length;
         // NaN counts as larger than all numbers.
@@ -109,14 +110,14 @@ impl Way {
             return;
         };
         let moved = place.difference(origin);
-        let chord = (moved.x - self.end[0]).hypot(moved.y - self.end[1]);
+        let chord = math::hypot(moved.x - self.end[0], moved.y - self.end[1]);
         if chord >= CHORD {
             self.distance += chord;
             let (p, e) = ([moved.x, moved.y], [error[0] - first[0], error[1] - first[1]]);
             self.squares += p[0] * p[0] + p[1] * p[1];
             self.along += p[0] * e[0] + p[1] * e[1];
             self.across += p[0] * e[1] - p[1] * e[0];
-            self.largest = self.largest.max(e[0].hypot(e[1]));
+            self.largest = self.largest.max(math::hypot(e[0], e[1]));
             self.end = p;
             self.points.push([p, e]);
         }
@@ -128,7 +129,7 @@ impl Way {
             return None;
         }
         let (a, b) = (self.along / self.squares, self.across / self.squares);
-        let left = |[p, e]: &[[f64; 2]; 2]| (e[0] - a * p[0] + b * p[1]).hypot(e[1] - b * p[0] - a * p[1]);
+        let left = |[p, e]: &[[f64; 2]; 2]| math::hypot(e[0] - a * p[0] + b * p[1], e[1] - b * p[0] - a * p[1]);
         let left = self.points.rows().iter().map(left).fold(0.0, f64::max);
         let percent = 100.0 / self.distance;
         let all = percent * self.largest;

@@ -7,6 +7,7 @@ mod reader;
 mod solved;
 mod turning;
 
+use fusion_core::math;
 pub(crate) use reader::SolutionReader;
 pub use solved::Solved;
 pub(crate) use turning::Turning;
@@ -81,11 +82,14 @@ pub fn rpy_of(q: &UnitQuaternion<f64>, p: &Matrix3<f64>) -> (Vector3<f64>, Vecto
     let turned = e * p * e.transpose();
     // If there is an error about one axis only, usually down, the other variances are rounding errors of either sign.
     let rounding = 1e-12 * turned.trace();
-    (rpy, turned.diagonal().map(|v| if v.abs() <= rounding { 0.0 } else { v.sqrt() }))
+    (
+        rpy,
+        turned.diagonal().map(|v| if v.abs() <= rounding { 0.0 } else { math::sqrt(v) }),
+    )
 }
 
 /// Square roots of the diagonal; not a number where a variance is negative.
 #[must_use]
 pub fn sigmas(p: &Matrix3<f64>) -> Vector3<f64> {
-    p.diagonal().map(f64::sqrt)
+    p.diagonal().map(math::sqrt)
 }

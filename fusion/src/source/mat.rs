@@ -12,6 +12,7 @@ use super::decode::{Cell, Origin, Plan, RawRows, Stamp, format_spec, time_spec};
 use super::table::Table;
 use super::{DataFile, LogFormat, OpenContext, SourceSpec};
 use crate::rows::{DataError, ProvidedChannel, RowStream, SourceError};
+use fusion_core::math;
 use fusion_models::block::BuildError;
 use fusion_models::units::{Positive, dim};
 use std::io::Read;
@@ -327,7 +328,7 @@ impl RawRows for Samples {
     fn cell(&self, column: usize) -> Cell<'_> {
         let sample = self.number - 1;
         match self.places[column] {
-            Place::Counted => Cell::Integer((sample as f64 * self.interval * 1e9).round() as i64),
+            Place::Counted => Cell::Integer(math::round(sample as f64 * self.interval * 1e9) as i64),
             Place::Array { variable, first, step } => match &self.variables[variable].content {
                 Content::Numbers(numbers) => Cell::Number(numbers[first + sample * step]),
                 Content::Integers(numbers) => Cell::Integer(numbers[first + sample * step]),

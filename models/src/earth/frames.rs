@@ -13,6 +13,7 @@
 //!           the stated range, the third is margin); `C_en` from Groves 2013, eq. 2.150 transposed
 
 use core::f64::consts::{FRAC_1_SQRT_2, PI};
+use fusion_core::math;
 
 use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED as E2, FLATTENING, Geodetic, Radii, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS};
 use fusion_core::memory::{Memory, Tape};
@@ -22,8 +23,8 @@ use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 #[inline]
 #[must_use]
 pub fn ecef_from_geodetic(position: &Geodetic) -> Vector3<f64> {
-    let (sin_lat, cos_lat) = position.lat.sin_cos();
-    let (sin_lon, cos_lon) = position.lon.sin_cos();
+    let (sin_lat, cos_lat) = math::sin_cos(position.lat);
+    let (sin_lon, cos_lon) = math::sin_cos(position.lon);
     let normal = Radii::of_sin_squared(sin_lat * sin_lat).normal;
     let across = (normal + position.height) * cos_lat;
     Vector3::new(
@@ -39,25 +40,25 @@ pub fn ecef_from_geodetic(position: &Geodetic) -> Vector3<f64> {
 #[must_use]
 pub fn geodetic_from_ecef(r_e: &Vector3<f64>) -> Geodetic {
     const E2_SECOND: f64 = E2 / (1.0 - E2);
-    let across = r_e.x.hypot(r_e.y);
+    let across = math::hypot(r_e.x, r_e.y);
     // Parametric latitude β as a direction (cos β, sin β), first guess on the surface.
     let (mut cos_lat, mut sin_lat) = (across * (1.0 - FLATTENING) * (1.0 - FLATTENING), r_e.z);
     for _ in 0..3 {
         let (c, s) = (cos_lat, sin_lat * (1.0 - FLATTENING));
-        let n = c.hypot(s);
+        let n = math::hypot(c, s);
         let (c, s) = if n > 0.0 { (c / n, s / n) } else { (1.0, 0.0) };
         sin_lat = r_e.z + E2_SECOND * SEMI_MINOR_AXIS * (s * s * s);
         cos_lat = across - E2 * SEMI_MAJOR_AXIS * (c * c * c);
     }
-    let lat = sin_lat.atan2(cos_lat);
-    let n = cos_lat.hypot(sin_lat);
+    let lat = math::atan2(sin_lat, cos_lat);
+    let n = math::hypot(cos_lat, sin_lat);
     let (c, s) = if n > 0.0 { (cos_lat / n, sin_lat / n) } else { (1.0, 0.0) };
-    let lon = r_e.y.atan2(r_e.x);
+    let lon = math::atan2(r_e.y, r_e.x);
     Geodetic {
         lat,
         lon: if lon <= -PI { PI } else { lon },
         // Regular at the poles and at the equator alike.
-        height: across * c + r_e.z * s - SEMI_MAJOR_AXIS * (1.0 - E2 * s * s).sqrt(),
+        height: across * c + r_e.z * s - SEMI_MAJOR_AXIS * math::sqrt(1.0 - E2 * s * s),
     }
 }
 
@@ -65,8 +66,8 @@ pub fn geodetic_from_ecef(r_e: &Vector3<f64>) -> Geodetic {
 #[inline]
 #[must_use]
 pub fn rotation_en(lat: f64, lon: f64) -> Matrix3<f64> {
-    let (sp, cp) = lat.sin_cos();
-    let (sl, cl) = lon.sin_cos();
+    let (sp, cp) = math::sin_cos(lat);
+    let (sl, cl) = math::sin_cos(lon);
     Matrix3::new(-sp * cl, -sl, -cp * cl, -sp * sl, cl, -cp * sl, cp, 0.0, -sp)
 }
 

@@ -18,6 +18,7 @@
 use fusion_core::geometry::wgs84::{
     EARTH_RATE, ECCENTRICITY_SQUARED as E2, FLATTENING, GM, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS, sin_cos_latitude,
 };
+use fusion_core::math;
 use nalgebra::Vector3;
 
 /// Which formula gives the magnitude of gravity.
@@ -76,7 +77,7 @@ impl Gravity {
         match self {
             Self::Flat(g) => g,
             Self::Somigliana => {
-                let surface = G_EQUATOR * (1.0 + K * s) / (1.0 - E2 * s).sqrt();
+                let surface = G_EQUATOR * (1.0 + K * s) / math::sqrt(1.0 - E2 * s);
                 let u = h * PER_AXIS;
                 surface * (1.0 - 2.0 * (1.0 + FLATTENING + M - 2.0 * FLATTENING * s) * u + 3.0 * u * u)
             }
@@ -116,7 +117,7 @@ impl Gravity {
             Self::Flat(_) => (0.0, 0.0),
             Self::Somigliana => {
                 let w2 = 1.0 - E2 * s;
-                let root = G_EQUATOR / w2.sqrt();
+                let root = G_EQUATOR / math::sqrt(w2);
                 let surface = root * (1.0 + K * s);
                 let surface_s = root * (K + 0.5 * E2 * (1.0 + K * s) / w2);
                 let u = h * PER_AXIS;

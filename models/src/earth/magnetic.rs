@@ -6,6 +6,7 @@
 //! Not here   the crust, buildings, solar storms
 
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use nalgebra::Vector3;
 
 /// The field at one place.
@@ -30,7 +31,7 @@ impl EarthField {
     /// ∂m_n/∂(F, I, D); the first is the direction of the field.
     #[must_use]
     pub fn slopes(&self) -> [Vector3<f64>; 3] {
-        let ((si, ci), (sd, cd)) = (self.inclination.sin_cos(), self.declination.sin_cos());
+        let ((si, ci), (sd, cd)) = (math::sin_cos(self.inclination), math::sin_cos(self.declination));
         [
             Vector3::new(ci * cd, ci * sd, si),
             Vector3::new(-si * cd, -si * sd, ci) * self.strength,

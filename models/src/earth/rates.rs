@@ -8,6 +8,7 @@
 
 use fusion_core::geometry::so3::wrap_angle;
 use fusion_core::geometry::wgs84::{EARTH_RATE, ECCENTRICITY_SQUARED, Geodetic, Radii, divisible_cos, sin_cos_latitude};
+use fusion_core::math;
 use nalgebra::{Matrix3, Vector3};
 
 use super::gravity::Gravity;
@@ -153,7 +154,7 @@ impl LocalEarth {
 #[inline]
 #[must_use]
 pub fn earth_rate_n(lat: f64) -> Vector3<f64> {
-    let (sin, cos) = lat.sin_cos();
+    let (sin, cos) = math::sin_cos(lat);
     Vector3::new(EARTH_RATE * cos, 0.0, -EARTH_RATE * sin)
 }
 

@@ -6,6 +6,7 @@
 //! Not here  from a position to the plane, the polar grids (UPS), convergence and scale
 
 use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED as E2, FLATTENING, Geodetic, SEMI_MAJOR_AXIS};
+use fusion_core::math;
 
 /// Scale on the central meridian.
 const SCALE: f64 = 0.9996;
@@ -44,16 +45,16 @@ impl Zone {
         let (mut x, mut y) = (xi, eta);
         for (j, beta) in beta().into_iter().enumerate() {
             let twice = 2.0 * (j + 1) as f64;
-            let (sin, cos) = (twice * xi).sin_cos();
-            x -= beta * sin * (twice * eta).cosh();
-            y -= beta * cos * (twice * eta).sinh();
+            let (sin, cos) = math::sin_cos(twice * xi);
+            x -= beta * sin * math::cosh(twice * eta);
+            y -= beta * cos * math::sinh(twice * eta);
         }
-        let (sin, cos) = x.sin_cos();
-        let conformal = sin / y.sinh().hypot(cos);
+        let (sin, cos) = math::sin_cos(x);
+        let conformal = sin / math::hypot(math::sinh(y), cos);
         let central = (6.0 * f64::from(self.number) - 183.0).to_radians();
         Geodetic {
-            lat: tangent_of_latitude(conformal).atan(),
-            lon: fusion_core::geometry::so3::wrap_angle(central + y.sinh().atan2(cos)),
+            lat: math::atan(tangent_of_latitude(conformal)),
+            lon: fusion_core::geometry::so3::wrap_angle(central + math::atan2(math::sinh(y), cos)),
             height,
         }
     }
@@ -67,7 +68,7 @@ fn rectifying_radius() -> f64 {
 
 /// Coefficients of the series from the plane to the conformal sphere.
 fn beta() -> [f64; 6] {
-    let polynomial = |lowest: i32, factors: &[f64]| N.powi(lowest) * factors.iter().rev().fold(0.0, |sum, factor| sum * N + factor);
+    let polynomial = |lowest: i32, factors: &[f64]| math::powi(N, lowest) * factors.iter().rev().fold(0.0, |sum, factor| sum * N + factor);
     [
         polynomial(
             1,
@@ -93,13 +94,13 @@ fn beta() -> [f64; 6] {
 
 /// The tangent of the geodetic latitude from that of the conformal one.
 fn tangent_of_latitude(conformal: f64) -> f64 {
-    let e = E2.sqrt();
+    let e = math::sqrt(E2);
     let mut t = conformal / (1.0 - E2);
     for _ in 0..STEPS {
-        let one = 1.0_f64.hypot(t);
-        let sigma = (e * (e * t / one).atanh()).sinh();
-        let seen = t * 1.0_f64.hypot(sigma) - sigma * one;
-        let slope = (1.0 + (1.0 - E2) * t * t) / ((1.0 - E2) * 1.0_f64.hypot(seen) * one);
+        let one = math::hypot(1.0_f64, t);
+        let sigma = math::sinh(e * math::atanh(e * t / one));
+        let seen = t * math::hypot(1.0_f64, sigma) - sigma * one;
+        let slope = (1.0 + (1.0 - E2) * t * t) / ((1.0 - E2) * math::hypot(1.0_f64, seen) * one);
         t += (conformal - seen) * slope;
     }
     t

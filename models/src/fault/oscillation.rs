@@ -7,6 +7,7 @@ use crate::block::BuildError;
 use crate::units::{Axes, PerAxis, dim, range};
 use core::f64::consts::TAU;
 use core::ops::Range;
+use fusion_core::math;
 use fusion_core::time::Time;
 use rand::RngExt;
 use schemars::JsonSchema;
@@ -96,7 +97,7 @@ impl Fault for Oscillation {
             return Outcome::Untouched;
         }
         for (by, sine) in self.by.iter_mut().zip(&self.sines) {
-            *by = sine.amplitude * (sine.rate * time.seconds() + sine.phase).sin();
+            *by = sine.amplitude * math::sin(sine.rate * time.seconds() + sine.phase);
         }
         self.target.displace(row, &self.by);
         Outcome::Disturbed

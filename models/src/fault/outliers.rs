@@ -6,6 +6,7 @@ use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
 use crate::units::{AnyQuantity, PerAxis, Probability, range};
 use core::ops::Range;
+use fusion_core::math;
 use fusion_core::time::Time;
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
@@ -104,7 +105,7 @@ impl Fault for Outliers {
 fn direction(random: &mut impl Rng, unit: &mut [f64]) {
     for _ in 0..8 {
         unit.iter_mut().for_each(|x| *x = random.sample(StandardNormal));
-        let norm = unit.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let norm = math::sqrt(unit.iter().map(|x| x * x).sum::<f64>());
         if norm > 1e-6 {
             unit.iter_mut().for_each(|x| *x /= norm);
             return;

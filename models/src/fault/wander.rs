@@ -6,6 +6,7 @@ use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
 use crate::units::{PerAxis, Positive, dim, range};
 use core::ops::Range;
+use fusion_core::math;
 use fusion_core::time::{Time, nanos};
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -86,7 +87,7 @@ impl Fault for Wander {
         let knot = time.nanos().div_euclid(self.apart);
         let share = time.nanos().rem_euclid(self.apart) as f64 / self.apart as f64;
         // On a quarter of a circle the weights of two independent numbers keep their variance.
-        let (to, from) = (core::f64::consts::FRAC_PI_2 * share).sin_cos();
+        let (to, from) = math::sin_cos(core::f64::consts::FRAC_PI_2 * share);
         let at = |knot: i64| generator(self.seed, Time::from_nanos(knot.saturating_mul(self.apart)));
         let (mut a, mut b) = (at(knot), at(knot.saturating_add(1)));
         for (by, sigma) in self.by.iter_mut().zip(&self.sigma) {

@@ -9,6 +9,7 @@ use crate::units::{NonNegative, Positive, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::belief::Belief;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, Manifold};
@@ -93,8 +94,8 @@ impl Initialiser for Baseline {
         }
         // The shortest line that is long enough: the latest course, not an old one.
         let lines = self.fixes.iter().rev().map(|(_, there)| here.difference(there));
-        let long = lines.into_iter().find(|d| d.x.hypot(d.y) >= self.min_distance);
-        self.yaw = long.map(|d| d.y.atan2(d.x));
+        let long = lines.into_iter().find(|d| math::hypot(d.x, d.y) >= self.min_distance);
+        self.yaw = long.map(|d| math::atan2(d.y, d.x));
         self.fixes.push_back((time, here));
     }
 

@@ -8,6 +8,7 @@ use crate::block::{Build, BuildError, InitialiserSpec, Listen};
 use crate::units::{self, NonNegative, Positive, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::belief::Belief;
+use fusion_core::math;
 use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, wrap};
@@ -89,8 +90,8 @@ impl Compass {
         let (sin, cos) = self
             .headings
             .iter()
-            .fold((0.0, 0.0), |(s, c), (_, psi)| (s + psi.sin(), c + psi.cos()));
-        wrap(sin.atan2(cos) + self.declination)
+            .fold((0.0, 0.0), |(s, c), (_, psi)| (s + math::sin(*psi), c + math::cos(*psi)));
+        wrap(math::atan2(sin, cos) + self.declination)
     }
 
     fn is_ready(&self) -> bool {

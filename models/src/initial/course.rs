@@ -8,6 +8,7 @@ use crate::block::{Build, BuildError, InitialiserSpec, Listen};
 use crate::units::{Angle, NonNegative, Positive, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::belief::Belief;
+use fusion_core::math;
 use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, wrap};
@@ -89,10 +90,10 @@ memory!(Course { yaw, fastest; min_speed, sigma, mounting_yaw });
 impl Initialiser for Course {
     fn row(&mut self, _: usize, _: Time, row: &[f64]) {
         // The latest course counts; a slow course is ignored.
-        let speed = row[0].hypot(row[1]);
+        let speed = math::hypot(row[0], row[1]);
         let fast = speed >= self.min_speed;
         self.fastest = self.fastest.max(speed);
-        self.yaw = fast.then(|| wrap(row[1].atan2(row[0]) - self.mounting_yaw));
+        self.yaw = fast.then(|| wrap(math::atan2(row[1], row[0]) - self.mounting_yaw));
     }
 
     fn waits_for(&self) -> Option<String> {

@@ -20,6 +20,7 @@ use crate::units::{Axes, Length, Vec3Of, dim, range};
 use crate::vocabulary::{channel, state};
 use fusion_core::belief::Belief;
 use fusion_core::geometry::{so3, wgs84::Geodetic};
+use fusion_core::math;
 use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, Manifold};
@@ -168,7 +169,7 @@ impl Latest {
     /// 1σ per axis at `time`; `sigma` is the 1σ at the time of the measurement.
     fn sigma(&self, time: Time, sigma: &[f64; 3]) -> Vector3<f64> {
         let changed = self.acceleration * time.seconds_since(self.time);
-        Vector3::from(*sigma).zip_map(&changed, f64::hypot)
+        Vector3::from(*sigma).zip_map(&changed, math::hypot)
     }
 }
 
@@ -248,7 +249,8 @@ impl Initialiser for FirstFix {
     fn write(&self, time: Time, layout: &Layout, belief: &mut Belief) {
         if let Some((antenna, grown)) = self.position(time) {
             let (lever, variance) = self.lever(layout, belief);
-            let sigma: [f64; 3] = core::array::from_fn(|i| self.position_sigma[i].hypot(variance[i].sqrt()).hypot(grown[i]));
+            let sigma: [f64; 3] =
+                core::array::from_fn(|i| math::hypot(math::hypot(self.position_sigma[i], math::sqrt(variance[i])), grown[i]));
             write_position(layout, belief, self.origin, &antenna.offset(&-lever), &sigma);
         }
         if let (Some(v), Some(sigma)) = (&self.velocity.value, &self.velocity_sigma) {

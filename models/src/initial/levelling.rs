@@ -18,6 +18,7 @@ use crate::units::{Axes, NonNegative, Positive, dim, range};
 use crate::vocabulary::state;
 use fusion_core::belief::Belief;
 use fusion_core::geometry::{so3, wgs84};
+use fusion_core::math;
 use fusion_core::memory;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::Initialiser;
@@ -139,25 +140,25 @@ impl LevellingSpec {
 /// Roll and pitch \[rad\] from a specific force at rest.
 #[must_use]
 pub fn level(f: &Vector3<f64>) -> (f64, f64) {
-    ((-f.y).atan2(-f.z), f.x.atan2(f.y.hypot(f.z)))
+    (math::atan2(-f.y, -f.z), math::atan2(f.x, math::hypot(f.y, f.z)))
 }
 
 /// Heading \[rad\] from the mean angular rate at rest, given roll and pitch.
 #[must_use]
 pub fn gyrocompass(w: &Vector3<f64>, roll: f64, pitch: f64) -> f64 {
-    let (sr, cr) = roll.sin_cos();
-    let (sp, cp) = pitch.sin_cos();
+    let (sr, cr) = math::sin_cos(roll);
+    let (sp, cp) = math::sin_cos(pitch);
     let x = w.x * cp + w.y * sr * sp + w.z * cr * sp;
     let y = w.y * cr - w.z * sr;
-    (-y).atan2(x)
+    math::atan2(-y, x)
 }
 
 /// 1σ of gyrocompassing \[rad\] over `duration` \[s\] at latitude `lat` \[rad\].
 #[must_use]
 pub fn predicted_heading_sigma(gyro_bias: f64, gyro_noise: f64, accel_bias: f64, duration: f64, lat: f64) -> f64 {
-    let horizontal = wgs84::EARTH_RATE * lat.cos();
-    let gyro = (gyro_bias * gyro_bias + gyro_noise * gyro_noise / duration).sqrt() / horizontal;
-    gyro.hypot(accel_bias / 9.81 * lat.tan())
+    let horizontal = wgs84::EARTH_RATE * math::cos(lat);
+    let gyro = math::sqrt(gyro_bias * gyro_bias + gyro_noise * gyro_noise / duration) / horizontal;
+    math::hypot(gyro, accel_bias / 9.81 * math::tan(lat))
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -228,7 +229,7 @@ impl Parts {
         let across = Matrix3::identity() - f * f.transpose() / f.norm_squared();
         let variance = (across * self.squares * across).trace() / (self.complete - 1.0).max(1.0);
         // Two axes share the variance.
-        (0.5 * variance).max(0.0).sqrt() / f.norm()
+        math::sqrt((0.5 * variance).max(0.0)) / f.norm()
     }
 }
 
@@ -268,7 +269,7 @@ impl Levelling {
         let yaw = self.compass.map_or(0.0, |_| gyrocompass(&w, roll, pitch));
         let q = so3::from_rpy(roll, pitch, yaw);
         let earth = self.compass.map_or_else(Vector3::zeros, |c| {
-            q.inverse() * Vector3::new(c.lat.cos(), 0.0, -c.lat.sin()) * wgs84::EARTH_RATE
+            q.inverse() * Vector3::new(math::cos(c.lat), 0.0, -math::sin(c.lat)) * wgs84::EARTH_RATE
         });
         self.found = Some((q, w - earth));
         self.wander = self.rest.parts.wander(&f);
@@ -331,7 +332,7 @@ impl Initialiser for Levelling {
     fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
         let Some((q, bias)) = &self.found else { return };
         let yaw = self.compass.map_or(core::f64::consts::PI, |c| c.sigma);
-        let tilt = self.tilt_sigma.hypot(self.wander);
+        let tilt = math::hypot(self.tilt_sigma, self.wander);
         write_attitude(layout, belief, q, &[tilt, tilt, yaw]);
         if let (Some(sigma), Some(b)) = (&self.gyro_bias_sigma, layout.block(state::GYRO_BIAS)) {
             Vector::<3>::write(bias, &mut belief.x[b.storage_range()]);

@@ -14,6 +14,7 @@ use crate::earth::LocalFrame;
 use crate::vocabulary::state;
 use fusion_core::belief::Belief;
 use fusion_core::geometry::{so3, wgs84};
+use fusion_core::math;
 use fusion_core::state::{Angle, Attitude, Geodetic, Kind, Layout, Manifold, Position, Velocity};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -34,7 +35,7 @@ fn write_velocity(layout: &Layout, belief: &mut Belief, v: &Vector3<f64>, sigma:
         Velocity::write(v, &mut belief.x[b.storage_range()]);
         belief.covariance.set_sigmas(b, sigma);
     } else if let Some(b) = layout.block(state::SPEED) {
-        belief.x[b.storage] = v.x.hypot(v.y);
+        belief.x[b.storage] = math::hypot(v.x, v.y);
         belief.covariance.set_sigmas(b, &sigma[..1]);
     }
 }

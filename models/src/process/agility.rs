@@ -20,6 +20,7 @@
 use crate::units::{Axes, Dimensional, Positive, dim, range};
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
+use fusion_core::math;
 use fusion_core::model::Gap;
 use fusion_core::state::{Attitude, Slot, Velocity};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -114,7 +115,7 @@ impl Agility {
             let integral = if x < 1e-3 {
                 x * x * x * (2.0 / 3.0 - x / 2.0 + x * x * (7.0 / 30.0))
             } else {
-                2.0 * x + 4.0 * (-x).exp_m1() - (-2.0 * x).exp_m1()
+                2.0 * x + 4.0 * math::exp_m1(-x) - math::exp_m1(-2.0 * x)
             };
             self.time * self.time * integral
         };
@@ -124,9 +125,9 @@ impl Agility {
     /// The effect over a part of a gap of the `motion` at the beginning of the gap. `motion` is rate and specific force
     /// minus those of a vehicle at constant velocity and attitude, in body axes; missing numbers are zero.
     pub(super) fn fading(&self, gap: &Gap, motion: &[f64]) -> Fading {
-        let left = |seconds: f64| (-seconds / self.time).exp();
+        let left = |seconds: f64| math::exp(-seconds / self.time);
         let (dt, begun) = (gap.duration(), left(gap.from));
-        let once = -self.time * (-dt / self.time).exp_m1();
+        let once = -self.time * math::exp_m1(-dt / self.time);
         let twice = self.time * (dt - once);
         let of = |from: usize| motion.get(from..from + 3).map_or_else(Vector3::zeros, Vector3::from_column_slice);
         let (w, f) = (of(0), of(3));
@@ -153,7 +154,7 @@ impl Agility {
     /// \[rad²\].
     pub(super) fn attitude(&self, gap: &Gap) -> (Vector3<f64>, Vector3<f64>) {
         let w = self.rate;
-        let heading = core::f64::consts::PI.powi(2) / 3.0;
+        let heading = math::powi(core::f64::consts::PI, 2) / 3.0;
         let tilt = self.tilt * self.tilt;
         (w.component_mul(&w) * self.growth(gap), Vector3::new(tilt, tilt, heading))
     }

@@ -17,6 +17,7 @@ use crate::param::VectorParam;
 use crate::units::{Axes, NonNegative, dim, range};
 use crate::vocabulary::state;
 use fusion_core::linear::Transition;
+use fusion_core::math;
 use fusion_core::model::{Input, Preparation, SignalsOut};
 use fusion_core::state::{Param, Signal, Tangent, Vector};
 use nalgebra::{Matrix3, Vector3};
@@ -166,7 +167,7 @@ impl Inertial {
             angular_rate: b.signal(state::ANGULAR_RATE)?,
             gyro_psd: psd(gyro.noise.si()).diagonal(),
             accel_psd: psd(accelerometer.noise.si()).diagonal(),
-            gyro_scale_psd: gyro.scale_noise.si().powi(2),
+            gyro_scale_psd: math::powi(gyro.scale_noise.si(), 2),
             correction,
             vibration: Some(accelerometer.vibration.si()).filter(|window| *window > 0.0),
         })
@@ -293,7 +294,7 @@ fn within_sample(input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
     let density = |from: usize| {
         other.map_or_else(Vector3::zeros, |other| {
             let change = |k: usize| input.sample[from + k] - other.sample[from + k];
-            Vector3::from_fn(|k, _| change(k).powi(2) * input.interval / 8.0)
+            Vector3::from_fn(|k, _| math::powi(change(k), 2) * input.interval / 8.0)
         })
     };
     (density(0), density(3))

@@ -23,6 +23,7 @@ use crate::units::{NonNegative, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
+use fusion_core::math;
 use fusion_core::model::{Input, Order, Process, SignalsOut};
 use fusion_core::state::{Angle, Attitude, Dynamics, Geodetic, Position, Signal, Slot, Vector, Velocity, wrap};
 use nalgebra::{Matrix1, Matrix2, Matrix3, Vector2, Vector3};
@@ -115,7 +116,7 @@ struct PlanarOdometry {
 
 /// R(ψ): ahead and right to north and east.
 fn rotation(psi: f64) -> Matrix2<f64> {
-    let (sin, cos) = psi.sin_cos();
+    let (sin, cos) = math::sin_cos(psi);
     Matrix2::new(cos, -sin, sin, cos)
 }
 

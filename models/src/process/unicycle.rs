@@ -20,6 +20,7 @@ use crate::vocabulary::state;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::{Radii, divisible_cos, radii, radii_derivative};
 use fusion_core::linear::Transition;
+use fusion_core::math;
 use fusion_core::model::{Input, Process, SignalsOut};
 use fusion_core::state::{Angle, Attitude, Dynamics, Geodetic, Param, Scalar, Signal, Slot, Vector, Velocity, wrap};
 use nalgebra::{Matrix1, Matrix3, Vector2, Vector3};
@@ -33,7 +34,7 @@ fn sinc(x: f64) -> (f64, f64) {
         // The next terms are y³/5040 = 2e-16 and x y²·6/5040 = 1e-13 of x.
         (1.0 - y / 6.0 * (1.0 - y / 20.0), -x / 3.0 * (1.0 - y / 10.0 * (1.0 - y / 28.0)))
     } else {
-        let (s, c) = x.sin_cos();
+        let (s, c) = math::sin_cos(x);
         (s / x, (c - s / x) / x)
     }
 }
@@ -50,7 +51,7 @@ pub(super) struct Arc {
 pub(super) fn arc(psi: f64, u: f64, r: f64, dt: f64) -> Arc {
     let x = 0.5 * r * dt;
     let (chord, slope) = sinc(x);
-    let (sin, cos) = (psi + x).sin_cos();
+    let (sin, cos) = math::sin_cos(psi + x);
     let (ahead, across) = (Vector2::new(cos, sin), Vector2::new(-sin, cos));
     Arc {
         moved: ahead * (u * dt * chord),
@@ -65,7 +66,7 @@ pub(super) fn arc(psi: f64, u: f64, r: f64, dt: f64) -> Arc {
 pub(super) fn carried(p: &Geodetic, after: &Geodetic, moved: &Vector2<f64>) -> (Matrix3<f64>, Vector2<f64>) {
     let Radii { meridian, normal } = radii(p.lat);
     let slope = radii_derivative(p.lat);
-    let (sin, cos) = p.lat.sin_cos();
+    let (sin, cos) = math::sin_cos(p.lat);
     let cos = divisible_cos(cos);
     let (rm, rn) = (meridian + p.height, normal + p.height);
     let (north, east) = after.metres_per_radian();
@@ -267,7 +268,7 @@ impl Process for Unicycle {
 
     fn signals(&self, x: &[f64], _: &Input<'_>, out: &mut SignalsOut<'_>) {
         let (psi, u, r) = (self.heading.read(x), self.speed.read(x), self.yaw_rate.read(x));
-        let (sin, cos) = psi.sin_cos();
+        let (sin, cos) = math::sin_cos(psi);
         let (ahead, across) = (Vector3::new(cos, sin, 0.0), Vector3::new(-sin, cos, 0.0));
         let slip = self.slip(x);
         // The way it goes at a speed of one, and that way turned right by a quarter.

@@ -14,6 +14,7 @@ use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::param::{ParamSpec, ScalarParam, VectorParam};
 use crate::units::{Dimension, Dimensional, Pressure, dim};
 use fusion_core::linear::Jacobian;
+use fusion_core::math;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Param, Scalar, View};
 use nalgebra::Matrix1;
@@ -32,7 +33,7 @@ const TROPOPAUSE: f64 = 11_000.0;
 /// Pressure at a height \[m\] over pressure at sea level.
 #[must_use]
 fn pressure_ratio(height: f64) -> f64 {
-    (1.0 - LAPSE_RATE * height / TEMPERATURE).powf(EXPONENT)
+    math::powf(1.0 - LAPSE_RATE * height / TEMPERATURE, EXPONENT)
 }
 
 /// d ln p/dh at a height \[m\], in 1/m.

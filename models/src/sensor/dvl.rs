@@ -19,6 +19,7 @@ use crate::param::{RotationParam, ScalarParam, VectorParam};
 use crate::units::{Angle, Dimension, Dimensional, Positive, dim};
 use core::f64::consts::FRAC_PI_2;
 use fusion_core::linear::Jacobian;
+use fusion_core::math;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::View;
 use nalgebra::Vector3;
@@ -86,9 +87,9 @@ impl DvlSpec {
             let message = "beams point down: their angle from the down axis is less than 90 deg";
             return Err(BuildError::at("beam_angle", message).help("turn a log that looks elsewhere by its `mounting`"));
         }
-        let (across, down) = angle.sin_cos();
+        let (across, down) = math::sin_cos(angle);
         let beam = |azimuth: &Angle| {
-            let (sin, cos) = azimuth.si().sin_cos();
+            let (sin, cos) = math::sin_cos(azimuth.si());
             Vector3::new(across * cos, across * sin, down)
         };
         Ok(self.azimuths.iter().map(beam).collect())

@@ -19,6 +19,7 @@ use crate::units::{self, Dimension, Dimensional, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{GIMBAL_LOCK_C31, rotation};
 use fusion_core::linear::Jacobian;
+use fusion_core::math;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Angle, Attitude, Param, Quantity, Scalar, View, wrap};
 use nalgebra::{Matrix1, Matrix3, RowVector3};
@@ -32,7 +33,7 @@ fn yaw(c_nb: &Matrix3<f64>) -> Result<(f64, RowVector3<f64>), Undefined> {
     }
     let (north, east) = (c_nb[(0, 0)], c_nb[(1, 0)]);
     let slope = RowVector3::new(0.0, c_nb[(2, 1)], c_nb[(2, 2)]) / (north * north + east * east);
-    Ok((east.atan2(north), slope))
+    Ok((math::atan2(east, north), slope))
 }
 
 /// Heading, clockwise from north, with declination and deviation.
@@ -131,7 +132,7 @@ impl Deviation {
 
     /// The factor of each coefficient at this magnetic heading.
     fn waves(magnetic: f64) -> [f64; 4] {
-        let ((s, c), (s_2, c_2)) = (magnetic.sin_cos(), (2.0 * magnetic).sin_cos());
+        let ((s, c), (s_2, c_2)) = (math::sin_cos(magnetic), math::sin_cos(2.0 * magnetic));
         [s, c, s_2, c_2]
     }
 

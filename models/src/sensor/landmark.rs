@@ -23,6 +23,7 @@ use crate::units::{Dimension, Dimensional, Place, Vec3Of, dim};
 use crate::vocabulary::state;
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
+use fusion_core::math;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Param, Position, Quantity, Tangent, Vector, View, wrap};
 use nalgebra::{Matrix3, RowVector3, SMatrix, Vector3};
@@ -212,7 +213,7 @@ fn bearing_range(y: &Vector3<f64>) -> Result<(Vector3<f64>, Matrix3<f64>), Undef
         RowVector3::new(y.x * y.z / (level * range2), y.y * y.z / (level * range2), -level / range2),
         (y / range).transpose(),
     ]);
-    Ok((Vector3::new(y.y.atan2(y.x), (-y.z).atan2(level), range), by_seen))
+    Ok((Vector3::new(math::atan2(y.y, y.x), math::atan2(-y.z, level), range), by_seen))
 }
 
 impl Measurement for Landmarks {

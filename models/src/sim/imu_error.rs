@@ -20,6 +20,7 @@
 use super::inverse::Sample;
 use super::random::{Markov, Random};
 use crate::units::{Axes, NonNegative, Positive, STANDARD_GRAVITY, dim, range};
+use fusion_core::math;
 use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -280,7 +281,7 @@ impl Triad {
     /// An error of size 0 is not drawn. Every purpose has its own generator, so no other draw changes.
     fn measure(&mut self, truth: &Vector3<f64>, dt: f64) -> Vector3<f64> {
         if self.step.0 != dt {
-            self.step = (dt, dt.sqrt());
+            self.step = (dt, math::sqrt(dt));
         }
         let root = self.step.1;
         let Numbers {
@@ -304,7 +305,7 @@ impl Triad {
         }
         for (i, step) in resolution.iter().enumerate().filter(|(_, step)| **step > 0.0) {
             let wanted = measured[i] + self.rest[i] / dt;
-            measured[i] = (wanted / step).round() * step;
+            measured[i] = math::round(wanted / step) * step;
             self.rest[i] = (wanted - measured[i]) * dt;
         }
         measured

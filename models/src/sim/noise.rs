@@ -8,6 +8,7 @@ use super::random::{Markov, Random};
 use crate::block::BuildError;
 use crate::units::{Dimension, PerAxis, Positive, dim, range};
 use fusion_core::Time;
+use fusion_core::math;
 use fusion_core::model::Measurement;
 use schemars::JsonSchema;
 
@@ -121,7 +122,7 @@ impl SensorError {
         model.residual(z, &self.first_value, &mut self.error);
         for (e, step) in self.error.iter_mut().zip(&self.resolution) {
             if *step > 0.0 {
-                *e = (*e / step).round() * step;
+                *e = math::round(*e / step) * step;
             }
         }
         z.copy_from_slice(&self.first_value);

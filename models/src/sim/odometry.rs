@@ -12,6 +12,7 @@ use crate::process::strapdown::mechanisation::Nav;
 use crate::units::{NonNegative, Positive, dim};
 use fusion_core::Time;
 use fusion_core::geometry::{gamma::gamma, so3, wgs84::Geodetic};
+use fusion_core::math;
 use fusion_core::state::wrap;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -74,7 +75,7 @@ impl Odometry {
         };
         let mut measured = exact;
         for (value, density) in measured.iter_mut().zip(self.noise) {
-            *value += density / dt.sqrt() * self.random.normal();
+            *value += density / math::sqrt(dt) * self.random.normal();
         }
         measured
     }

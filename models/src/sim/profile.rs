@@ -7,6 +7,7 @@
 //! [`Along`]    progress along a path: speed up, cruise, slow down
 
 use crate::block::BuildError;
+use fusion_core::math;
 
 /// A value and its first two derivatives.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,7 +45,7 @@ pub(super) fn step5(u: f64) -> Jet {
 /// ∫ of [`step5`] from 0 to `u`; 1/2 at 1.
 fn step5_integral(u: f64) -> f64 {
     let u = u.clamp(0.0, 1.0);
-    u.powi(4) * (2.5 + u * (u - 3.0))
+    math::powi(u, 4) * (2.5 + u * (u - 3.0))
 }
 
 /// −20u⁷ + 70u⁶ − 84u⁵ + 35u⁴ on \[0, 1\].
@@ -53,8 +54,8 @@ pub(super) fn step7(u: f64) -> Jet {
     let (u2, v) = (u * u, 1.0 - u);
     Jet {
         value: u2 * u2 * (35.0 + u * (-84.0 + u * (70.0 - 20.0 * u))),
-        first: 140.0 * (u * v).powi(3),
-        second: 420.0 * (u * v).powi(2) * (1.0 - 2.0 * u),
+        first: 140.0 * math::powi(u * v, 3),
+        second: 420.0 * math::powi(u * v, 2) * (1.0 - 2.0 * u),
     }
 }
 
@@ -70,9 +71,9 @@ pub(super) fn pulse(u: f64) -> (f64, Jet) {
     use core::f64::consts::{PI, TAU};
     const SCALE: f64 = 1.539_600_717_839_002; // 8/(3√3)
     let u = u.clamp(0.0, 1.0);
-    let (s, c) = (PI * u).sin_cos();
-    let integral = SCALE * s.powi(4) / TAU;
-    let value = SCALE * 2.0 * s.powi(3) * c;
+    let (s, c) = math::sin_cos(PI * u);
+    let integral = SCALE * math::powi(s, 4) / TAU;
+    let value = SCALE * 2.0 * math::powi(s, 3) * c;
     let first = SCALE * TAU * s * s * (3.0 * c * c - s * s);
     let second = SCALE * TAU * PI * 2.0 * s * c * (3.0 * c * c - 5.0 * s * s);
     (integral, Jet { value, first, second })

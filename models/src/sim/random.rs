@@ -2,6 +2,7 @@
 //! that adding one purpose leaves all others as they were.
 
 use crate::seed::fnv1a;
+use fusion_core::math;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -64,7 +65,7 @@ impl Markov {
             return;
         }
         if self.step.0 != dt {
-            self.step = (dt, (-dt / self.tau).exp(), (-(-2.0 * dt / self.tau).exp_m1()).sqrt());
+            self.step = (dt, math::exp(-dt / self.tau), math::sqrt(-math::exp_m1(-2.0 * dt / self.tau)));
         }
         let (_, decay, fresh) = self.step;
         for (x, sigma) in self.state.iter_mut().zip(&self.sigma) {

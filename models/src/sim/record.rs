@@ -3,6 +3,7 @@
 use super::control::Goal;
 use fusion_core::Time;
 use fusion_core::geometry::so3::wrap_angle;
+use fusion_core::math;
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
@@ -64,7 +65,7 @@ impl Sum {
 
     fn errors(&self) -> Option<Errors> {
         (self.count > 0).then(|| Errors {
-            rms: (self.square / f64::from(self.count)).sqrt(),
+            rms: math::sqrt(self.square / f64::from(self.count)),
             max: self.max,
             last: self.last,
         })
@@ -106,7 +107,7 @@ impl Running {
             Goal::Heading { heading, .. } => self.wanted = heading,
             Goal::Line { from, course, .. } => {
                 self.wanted = course;
-                let (sin, cos) = course.sin_cos();
+                let (sin, cos) = math::sin_cos(course);
                 let off = position - from;
                 self.across.add(off.y * cos - off.x * sin);
             }

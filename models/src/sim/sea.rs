@@ -18,6 +18,7 @@ use super::segment::Motion;
 use crate::block::BuildError;
 use crate::units::{NonNegative, Positive, Quantity, Vec3Of, dim};
 use core::f64::consts::TAU;
+use fusion_core::math;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -142,15 +143,15 @@ impl SeaSpec {
         motion.velocity += current.velocity;
         motion.acceleration += current.change;
         let Some(waves) = &self.waves else { return };
-        let (period, (s, c)) = (waves.period.si(), waves.direction.si().sin_cos());
+        let (period, (s, c)) = (waves.period.si(), math::sin_cos(waves.direction.si()));
         // Three sines of amplitude a have a variance of 3a²/2.
-        let amplitude = (2.0 / 3.0_f64).sqrt();
+        let amplitude = math::sqrt(2.0 / 3.0_f64);
         let heave = 0.25 * waves.height.si() * amplitude;
         let tilt = Vector3::new(waves.roll.si(), waves.pitch.si(), 0.0) * amplitude;
         let rise = step7(t / (RISE * period)).stretched(1.0, RISE * period);
         for (frequency, phase) in WAVES {
             let rate = TAU * frequency / period;
-            let (sin, cos) = (rate * t + phase).sin_cos();
+            let (sin, cos) = math::sin_cos(rate * t + phase);
             // The orbit, up at the crest and ahead with the wave there, and its derivatives.
             let orbit = |sin: f64, cos: f64| Vector3::new(c * sin, s * sin, -cos) * heave;
             let (x, v, a) = (orbit(sin, cos), orbit(cos, -sin) * rate, orbit(-sin, -cos) * (rate * rate));

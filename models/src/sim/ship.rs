@@ -25,6 +25,7 @@ use core::f64::consts::TAU;
 use fusion_core::Time;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_core::time::nanos;
 use nalgebra::{UnitQuaternion, Vector3};
 use schemars::JsonSchema;
@@ -258,7 +259,7 @@ impl Sine {
     }
 
     fn at(&self, t: f64) -> f64 {
-        self.amplitude * (self.rate * t + self.phase).sin()
+        self.amplitude * math::sin(self.rate * t + self.phase)
     }
 }
 
@@ -314,10 +315,10 @@ impl Ship {
     /// Where the reference point is, and the attitude C_sn.
     pub(super) fn pose(&self, time: Time) -> (Geodetic, UnitQuaternion<f64>) {
         let t = time.seconds();
-        let (sin, cos) = (self.circle.rate * t + self.circle.phase).sin_cos();
+        let (sin, cos) = math::sin_cos(self.circle.rate * t + self.circle.phase);
         let off = Vector3::new(cos, sin, 0.0) * self.circle.amplitude;
         let heading = self.spec.heading.si();
-        let way = Vector3::new(heading.cos(), heading.sin(), 0.0) * (self.spec.speed.si() * t);
+        let way = Vector3::new(math::cos(heading), math::sin(heading), 0.0) * (self.spec.speed.si() * t);
         let place = self.frame.to_geodetic(&(Vector3::from(self.spec.position.si()) + way + off));
         let [roll, pitch, yaw] = self.swing.map(|s| s.at(t));
         (place, so3::from_rpy(roll, pitch, heading + yaw))
@@ -361,14 +362,14 @@ impl Ship {
                 let away = nav.position.difference(&place) + transponder;
                 let from = c_sn.inverse() * away - arm(self.spec.transceiver);
                 let s = self.mounting.inverse() * from;
-                let level = s.x.hypot(s.y);
+                let level = math::hypot(s.x, s.y);
                 let usbl = self.spec.usbl.as_ref()?;
                 let [bearing, depression] = usbl.angle_white.map_or([0.0; 2], Axes::si);
                 let mut noise = |sigma: f64| sigma * self.acoustic.normal();
                 let row = vec![
                     s.norm() * (1.0 + self.sound_speed_error) + noise(usbl.range_white.si()),
-                    so3::wrap_angle(s.y.atan2(s.x) + noise(bearing)),
-                    s.z.atan2(level) + noise(depression),
+                    so3::wrap_angle(math::atan2(s.y, s.x) + noise(bearing)),
+                    math::atan2(s.z, level) + noise(depression),
                 ];
                 let late = s.norm() / usbl.sound_speed.si() + usbl.processing.si();
                 (time.shifted(nanos(late)), row)

@@ -13,6 +13,7 @@ use crate::block::BuildError;
 use crate::earth::{Gravity, LocalFrame};
 use fusion_core::belief::Belief;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Block, Layout, StateRole};
@@ -95,7 +96,7 @@ impl Initialiser for DrawnStart {
             let d = block.kind.dim();
             let spread = DMatrix::from_row_slice(d, d, &belief.covariance.block(block)).symmetric_eigen();
             let mut random = Random::new(self.seed, &format!("start/{}", block.name));
-            let along = spread.eigenvalues.map(|variance| variance.max(0.0).sqrt() * random.normal());
+            let along = spread.eigenvalues.map(|variance| math::sqrt(variance.max(0.0)) * random.normal());
             let delta: DVector<f64> = spread.eigenvectors * along;
             block.kind.plus(&mut belief.x[block.storage_range()], delta.as_slice());
         }

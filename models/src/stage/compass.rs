@@ -21,6 +21,7 @@ use crate::units::{self, Dimensional, NonNegative, Positive, Quantity as Unit, V
 use crate::vocabulary::{channel, state};
 use field_gate::{FieldGate, FieldGateSpec};
 use fusion_core::geometry::so3;
+use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, View, wrap};
@@ -191,7 +192,7 @@ impl Stage for CompassStage {
                 self.next = time.shifted(self.period);
             }
             let (heading, q) = (wrap(so3::to_rpy(&q).z + seen.turn), field::turned(&q, seen.turn));
-            let sigma = self.noise.map_or(0.0, |(sigma, times)| sigma.hypot(times * difference));
+            let sigma = self.noise.map_or(0.0, |(sigma, times)| math::hypot(sigma, times * difference));
             let row = [heading, q.w, q.i, q.j, q.k, m.x, m.y, m.z, sigma, sigma, sigma];
             out.emit(time, &row[..if self.noise.is_some() { 11 } else { 8 }]);
         }

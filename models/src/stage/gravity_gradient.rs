@@ -19,6 +19,7 @@ use crate::earth::LocalEarth;
 use crate::units::{Dimensional, NonNegative, Positive, Quantity as Unit, Range, STANDARD_GRAVITY, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
+use fusion_core::math;
 use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, Vector, View};
@@ -214,7 +215,7 @@ impl Stage for GravityGradient {
             StepFrom::Predicted => predicted,
         };
         if let Some(q) = gradient_step(&from, &f, step_length(self.gain, self.floor, &w, dt)) {
-            let sigma = self.sigma * (1.0 + self.adaptive * excess * excess).sqrt();
+            let sigma = self.sigma * math::sqrt(1.0 + self.adaptive * excess * excess);
             out.emit(time, &[q.w, q.i, q.j, q.k, sigma, sigma, sigma, sigma, sigma]);
         }
     }

@@ -13,6 +13,7 @@ use super::still::{StillSpec, StillTest};
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
 use crate::units::{Positive, dim};
 use crate::vocabulary::{channel, state};
+use fusion_core::math;
 use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage, Tested};
 use fusion_core::state::{Attitude, Quantity, Vector, Velocity, View};
@@ -171,7 +172,7 @@ impl Stationarity {
         };
         let held = self.lift.as_ref().is_none_or(|(attitude, bias, max)| {
             let f_n = view.get(attitude) * (self.test.means()[1] - value(bias));
-            f_n.x.hypot(f_n.y) <= *max
+            math::hypot(f_n.x, f_n.y) <= *max
         });
         let is_still = self.test.is_still(&value(&self.gyro_bias));
         let holds = slow && held && is_still;

@@ -13,6 +13,7 @@ use crate::earth::LocalEarth;
 use crate::units::{Positive, STANDARD_GRAVITY, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
+use fusion_core::math;
 use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Vector, View};
@@ -27,7 +28,7 @@ use serde::Deserialize;
 #[must_use]
 pub fn low_passed(filtered: &Vector3<f64>, f_b: &Vector3<f64>, w_nb_b: &Vector3<f64>, dt: f64, time_constant: f64) -> Vector3<f64> {
     let carried = so3::exp(&(w_nb_b * -dt)) * filtered;
-    carried + (f_b - carried) * (1.0 - (-dt / time_constant).exp())
+    carried + (f_b - carried) * (1.0 - math::exp(-dt / time_constant))
 }
 
 /// The specific force, low-pass filtered in axes that do not rotate: a vertical for a body that

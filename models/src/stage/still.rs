@@ -6,6 +6,7 @@
 //! Source: Skog et al. 2010 (variance detectors), with the mean-rate test for slow turns.
 
 use crate::units::{Axes, Positive, dim, range};
+use fusion_core::math;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -111,7 +112,7 @@ impl StillTest {
         let n = self.samples.len().max(1) as f64;
         core::array::from_fn(|k| {
             let mean = self.sum[k] / n;
-            (self.squares[k] / n - mean.component_mul(&mean)).map(|v| v.max(0.0).sqrt())
+            (self.squares[k] / n - mean.component_mul(&mean)).map(|v| math::sqrt(v.max(0.0)))
         })
     }
 
@@ -180,7 +181,7 @@ impl StillTest {
 
 /// Two significant digits.
 fn two_digits(value: f64) -> String {
-    let decimals = (1.0 - value.abs().log10().floor()).clamp(0.0, 9.0);
+    let decimals = (1.0 - math::floor(math::log10(value.abs()))).clamp(0.0, 9.0);
     format!("{value:.*}", decimals as usize)
 }
 

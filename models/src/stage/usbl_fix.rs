@@ -19,6 +19,7 @@ use crate::units::{Axes, NonNegative, Positive, Vec3Of, dim, range};
 use crate::vocabulary::channel;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Manifold, View};
@@ -182,7 +183,7 @@ impl Geometry {
     /// From the antenna to the transponder in north, east, down \[m\], and its covariance, including that of the
     /// antenna.
     fn fix(&self, c_sn: &UnitQuaternion<f64>, [r, bearing, depression]: [f64; 3]) -> (Vector3<f64>, Matrix3<f64>) {
-        let ((sb, cb), (sd, cd)) = (bearing.sin_cos(), depression.sin_cos());
+        let ((sb, cb), (sd, cd)) = (math::sin_cos(bearing), math::sin_cos(depression));
         let unit = Vector3::new(cd * cb, cd * sb, sd);
         let by_bearing = Vector3::new(-cd * sb, cd * cb, 0.0) * r;
         let by_depression = Vector3::new(-sd * cb, -sd * sb, cd) * r;
@@ -247,7 +248,7 @@ impl UsblFix {
         let antenna = p0.offset(&(p1.difference(&p0) * along));
         let c_sn = q0 * so3::exp(&(so3::log(&(q0.inverse() * q1)) * turned));
         let (away, covariance) = self.geometry.fix(&c_sn, polar);
-        let (place, sigma) = (antenna.offset(&away), covariance.diagonal().map(f64::sqrt));
+        let (place, sigma) = (antenna.offset(&away), covariance.diagonal().map(math::sqrt));
         let row = [place.lat, place.lon, place.height, sigma.x, sigma.y, sigma.z, polar[0]];
         row.iter().all(|x| x.is_finite()).then_some(row)
     }

@@ -3,6 +3,7 @@
 use crate::registry::Registration;
 use crate::sim::{Command, Control, ControlSpec, Goal, Seen, TaskSpec};
 use fusion_core::Time;
+use fusion_core::math;
 use nalgebra::Vector2;
 
 /// Instants tried.
@@ -83,7 +84,7 @@ pub(super) fn task(r: &Registration) -> Result<(), String> {
                 speed
             }
         };
-        position += Vector2::new(heading.cos(), heading.sin()) * run * 0.1;
+        position += Vector2::new(math::cos(heading), math::sin(heading)) * run * 0.1;
     }
     Err("it does not end within an hour".to_owned())
 }

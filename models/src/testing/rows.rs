@@ -6,6 +6,7 @@ use crate::earth::Gravity;
 use crate::earth::rates::earth_rate_n;
 use crate::vocabulary::channel;
 use fusion_core::geometry::so3;
+use fusion_core::math;
 use fusion_core::state::{Geodetic, Manifold};
 use fusion_core::testing::Lcg;
 use nalgebra::Vector3;
@@ -41,7 +42,7 @@ impl Motion {
     /// The numbers of one channel, and the size of the noise on them.
     fn numbers(self, wanted: &Channel, seconds: f64) -> (Vec<f64>, f64) {
         let v = self.velocity();
-        let q_nb = so3::from_rpy(0.0, 0.0, v.y.atan2(v.x));
+        let q_nb = so3::from_rpy(0.0, 0.0, math::atan2(v.y, v.x));
         let in_body = |x: Vector3<f64>| q_nb.inverse_transform_vector(&x).as_slice().to_vec();
         match wanted {
             c if *c == channel::ANGULAR_RATE => (in_body(earth_rate_n(ORIGIN.lat)), 1e-4),

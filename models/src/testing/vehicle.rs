@@ -2,6 +2,7 @@
 
 use crate::registry::Registration;
 use crate::sim::{Command, Junction, Motion, Vehicle, VehicleSpec};
+use fusion_core::math;
 use nalgebra::Vector3;
 
 /// A step \[s\].
@@ -47,7 +48,7 @@ fn drive(vehicle: &mut dyn Vehicle) -> Result<Vec<Motion>, String> {
     for k in 0..STEPS {
         let command = Command {
             speed: 0.2,
-            turn: 0.1 * (0.001 * f64::from(k)).sin(),
+            turn: 0.1 * math::sin(0.001 * f64::from(k)),
         };
         vehicle.step(&command, DT);
         let (before, after) = (path[path.len() - 1], vehicle.motion());

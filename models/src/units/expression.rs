@@ -11,6 +11,7 @@
 use super::catalogue;
 use super::dimension::{Dimension, LARGEST};
 use super::error::UnitError;
+use fusion_core::math;
 
 /// Deeper parentheses are a mistake or an attack on the stack.
 const DEEPEST: usize = 16;
@@ -108,7 +109,7 @@ impl<'t> Parser<'t> {
                 () => return Ok((factor, dimension)),
             };
             let (next_factor, next) = self.factor()?;
-            factor *= next_factor.powi(i32::from(sign));
+            factor *= math::powi(next_factor, i32::from(sign));
             let product = next.power(2 * sign).and_then(|next| dimension.times(next));
             let Some(product) = product else {
                 return self.fail("its powers are too large");
@@ -185,7 +186,7 @@ impl<'t> Parser<'t> {
             self.number()?
         };
         let halves = 2.0 * power;
-        if halves.fract() == 0.0 && halves.abs() <= f64::from(LARGEST) {
+        if halves - math::trunc(halves) == 0.0 && halves.abs() <= f64::from(LARGEST) {
             Ok(halves as i8)
         } else {
             self.fail("a power is a multiple of one half, at most 8")
@@ -207,9 +208,9 @@ impl<'t> Parser<'t> {
             return self.fail("its powers are not multiples of one half, or too large");
         };
         let factor = match halves {
-            1 => factor.sqrt(),
-            _ if halves % 2 == 0 => factor.powi(i32::from(halves) / 2),
-            _ => factor.powf(f64::from(halves) / 2.0),
+            1 => math::sqrt(factor),
+            _ if halves % 2 == 0 => math::powi(factor, i32::from(halves) / 2),
+            _ => math::powf(factor, f64::from(halves) / 2.0),
         };
         Ok((factor, dimension))
     }

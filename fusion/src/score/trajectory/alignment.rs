@@ -3,6 +3,7 @@
 use super::{Pose, PosePair};
 use core::fmt;
 use fusion_core::geometry::so3;
+use fusion_core::math;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -73,7 +74,7 @@ impl Alignment {
             }
             Self::Yaw => {
                 let (sin, cos) = (c[(1, 0)] - c[(0, 1)], c[(0, 0)] + c[(1, 1)]);
-                (sin.hypot(cos) > f64::EPSILON).then(|| so3::from_rpy(0.0, 0.0, sin.atan2(cos)))?
+                (math::hypot(sin, cos) > f64::EPSILON).then(|| so3::from_rpy(0.0, 0.0, math::atan2(sin, cos)))?
             }
             Self::Se3 => umeyama(&c)?,
         };

@@ -1,5 +1,6 @@
 //! Statistics of non-negative errors.
 
+use fusion_core::math;
 use serde::Serialize;
 
 /// Statistics of errors.
@@ -33,11 +34,11 @@ impl Statistics {
         let mean = values.iter().sum::<f64>() / n;
         Some(Self {
             count,
-            rmse: (values.iter().map(|v| v * v).sum::<f64>() / n).sqrt(),
+            rmse: math::sqrt(values.iter().map(|v| v * v).sum::<f64>() / n),
             mean,
             median: 0.5 * (values[(count - 1) / 2] + values[count / 2]),
-            p95: values[((0.95 * n).ceil() as usize).clamp(1, count) - 1],
-            std: (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt(),
+            p95: values[(math::ceil(0.95 * n) as usize).clamp(1, count) - 1],
+            std: math::sqrt(values.iter().map(|v| math::powi(v - mean, 2)).sum::<f64>() / n),
             min,
             max,
         })

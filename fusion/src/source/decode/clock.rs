@@ -5,6 +5,7 @@ use super::header_unit::header_unit;
 use super::instant::{Date, Order, Origin, Scale};
 use super::raw::RawRows;
 use super::spec::{Stamp, Timing};
+use fusion_core::math;
 use fusion_core::time::nanos;
 use fusion_models::block::BuildError;
 use fusion_models::units::{Dimensional, dim, parse_unit};
@@ -130,7 +131,7 @@ impl Clock {
         let beyond = "lies beyond the 292 years that a log spans: set `time.epoch`, or another `time.unit`";
         let stamp = i64::try_from(instant - self.epoch).map_err(|_| (last, beyond))?;
         let about = *self.about.get_or_insert(stamp);
-        let stretched = (stamp.saturating_sub(about) as f64 * (self.scale - 1.0)).round() as i64;
+        let stretched = math::round(stamp.saturating_sub(about) as f64 * (self.scale - 1.0)) as i64;
         Ok(stamp.saturating_add(stretched).saturating_add(self.offset))
     }
 }
@@ -288,7 +289,7 @@ fn unit_nanos(text: &str) -> Result<i128, String> {
     if unit < 0.999 {
         return Err(format!("{text:?} is finer than the nanosecond in which time is counted"));
     }
-    Ok(unit.round() as i128)
+    Ok(math::round(unit) as i128)
 }
 
 /// A decimal number of `unit` nanoseconds, in whole nanoseconds: exact if it is written without exponent.
@@ -330,7 +331,7 @@ fn float_nanos(text: &str, unit: i128) -> Option<i128> {
 
 fn rounded_nanos(value: f64, unit: i128) -> Option<i128> {
     let nanos = value * unit as f64;
-    (nanos.abs() < 1e30).then_some(nanos.round() as i128)
+    (nanos.abs() < 1e30).then_some(math::round(nanos) as i128)
 }
 
 #[cfg(test)]

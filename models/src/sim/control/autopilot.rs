@@ -11,6 +11,7 @@ use crate::block::BuildError;
 use crate::units::{NonNegative, Positive, dim};
 use core::f64::consts::FRAC_PI_2;
 use fusion_core::geometry::so3::wrap_angle;
+use fusion_core::math;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -134,7 +135,7 @@ impl Autopilot {
             let ahead = self.look_ahead;
             self.line_sum += ahead * across / (ahead * ahead + weighed * weighed) * dt;
         }
-        course - (weighed / self.look_ahead).atan()
+        course - math::atan(weighed / self.look_ahead)
     }
 
     fn turn(&mut self, heading: f64, seen: &Seen, before: Option<&Seen>, dt: f64) -> f64 {
@@ -172,7 +173,7 @@ impl Control for Autopilot {
                 speed,
                 to_go,
             } => {
-                let (sin, cos) = course.sin_cos();
+                let (sin, cos) = math::sin_cos(course);
                 let off = seen.position - from;
                 let heading = self.aim(off.y * cos - off.x * sin, course, dt);
                 // A vehicle with another heading turns first.

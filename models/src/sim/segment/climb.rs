@@ -4,6 +4,7 @@ use super::super::profile::{pulse, step7};
 use super::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
 use crate::units::{Positive, Quantity, Vec3Of, dim};
+use fusion_core::math;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -73,7 +74,7 @@ impl Segment for Climb {
             position: self.from.position + ahead * (speed * t) - Vector3::z() * up.value,
             velocity: ahead * speed - Vector3::z() * up.first,
             acceleration: -Vector3::z() * up.second,
-            rpy: Vector3::new(0.0, slope.atan(), self.from.heading),
+            rpy: Vector3::new(0.0, math::atan(slope), self.from.heading),
             rpy_rate: Vector3::new(0.0, up.second / speed / (1.0 + slope * slope), 0.0),
         }
     }

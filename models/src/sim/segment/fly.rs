@@ -15,6 +15,7 @@ use super::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
 use crate::units::{NonNegative, Positive, Quantity, STANDARD_GRAVITY, Vec3Of, dim};
 use core::f64::consts::TAU;
+use fusion_core::math;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -86,7 +87,7 @@ impl Segment for Fly {
     fn at(&self, t: f64) -> Motion {
         let u = t / self.duration;
         let way = step7(u).stretched(1.0, self.duration);
-        let jerk = self.by * (step7_third(u) / self.duration.powi(3));
+        let jerk = self.by * (step7_third(u) / math::powi(self.duration, 3));
         let nose = (self.from.heading + self.turn * way.value, self.turn * way.first);
         leaning(
             self.from.position + self.by * way.value,
@@ -138,7 +139,7 @@ impl SegmentSpec for HoverSpec {
         from.at_rest()?;
         let (duration, sway) = (self.duration.si(), self.sway.si());
         let circles = match self.period {
-            Some(period) => (duration / period.si()).round(),
+            Some(period) => math::round(duration / period.si()),
             None if sway > 0.0 => return Err(BuildError::at("period", "how long does it sway round once?").help("add `period = \"4 s\"`")),
             None => 0.0,
         };
@@ -175,7 +176,7 @@ impl Segment for Hover {
         let mut derivatives = [Vector3::zeros(); 4];
         for (harmonic, weight) in FADE {
             let rate = TAU * (self.circles + harmonic) / self.duration;
-            let (s, c) = (rate * t).sin_cos();
+            let (s, c) = math::sin_cos(rate * t);
             let (mut along, mut size) = (Vector3::new(s, c, 0.0), self.sway * weight);
             for derivative in &mut derivatives {
                 *derivative += along * size;
@@ -195,19 +196,19 @@ impl Segment for Hover {
 /// The motion of a body that leans into its acceleration: from its position, the velocity, acceleration and jerk, all
 /// north-east-down, and the heading with its rate.
 fn leaning(position: Vector3<f64>, [velocity, acceleration, jerk]: [Vector3<f64>; 3], (heading, turning): (f64, f64)) -> Motion {
-    let (s, c) = heading.sin_cos();
+    let (s, c) = math::sin_cos(heading);
     let level = |v: &Vector3<f64>| Vector3::new(c * v.x + s * v.y, c * v.y - s * v.x, v.z);
     // Thrust per mass, upside down, in level axes that turn with the nose, and its derivative there.
     let down = Vector3::z() * STANDARD_GRAVITY - level(&acceleration);
     let change = -level(&jerk) + Vector3::new(-down.y, down.x, 0.0) * -turning;
-    let (size, plane) = (down.norm(), down.x.hypot(down.z));
+    let (size, plane) = (down.norm(), math::hypot(down.x, down.z));
     let lean = -down.y / size;
     let lean_rate = -(change.y - down.y * down.dot(&change) / (size * size)) / size;
     Motion {
         position,
         velocity,
         acceleration,
-        rpy: Vector3::new(lean.asin(), down.x.atan2(down.z), heading),
+        rpy: Vector3::new(math::asin(lean), math::atan2(down.x, down.z), heading),
         rpy_rate: Vector3::new(
             lean_rate * size / plane,
             (change.x * down.z - down.x * change.z) / (plane * plane),

@@ -16,6 +16,7 @@ mod walk;
 use crate::block::BuildError;
 use core::fmt::Debug;
 use fusion_core::geometry::so3;
+use fusion_core::math;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// Where one segment ends and the next starts: level, moving straight ahead.
@@ -33,7 +34,7 @@ impl Junction {
     /// Unit vectors ahead and to the right, level.
     #[must_use]
     pub fn axes(&self) -> (Vector3<f64>, Vector3<f64>) {
-        let (s, c) = self.heading.sin_cos();
+        let (s, c) = math::sin_cos(self.heading);
         (Vector3::new(c, s, 0.0), Vector3::new(-s, c, 0.0))
     }
 
@@ -121,7 +122,7 @@ pub trait Segment: Debug + Send + Sync {
     /// Where it ends.
     fn end(&self) -> Junction {
         let end = self.at(self.duration());
-        let (s, c) = end.rpy.z.sin_cos();
+        let (s, c) = math::sin_cos(end.rpy.z);
         Junction {
             position: end.position,
             heading: end.rpy.z,

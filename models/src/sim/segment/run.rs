@@ -5,6 +5,7 @@ use super::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
 use crate::units::{NonNegative, Positive, Quantity, dim};
 use core::f64::consts::TAU;
+use fusion_core::math;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -199,7 +200,7 @@ impl Sine {
     /// Distance to the right of the axis and its derivatives with distance along it.
     fn right(&self, x: f64) -> Jet {
         let k = TAU / self.wavelength;
-        let (s, c) = (k * x).sin_cos();
+        let (s, c) = math::sin_cos(k * x);
         let swing = Jet {
             value: s,
             first: k * c,
@@ -232,7 +233,7 @@ impl Segment for Sine {
             position: self.from.position + ahead * x.value + right * y.value,
             velocity: (ahead + right * y.first) * x.first,
             acceleration: ahead * x.second + right * (x.second * y.first + x.first * x.first * y.second),
-            rpy: Vector3::new(0.0, 0.0, self.from.heading + y.first.atan()),
+            rpy: Vector3::new(0.0, 0.0, self.from.heading + math::atan(y.first)),
             rpy_rate: Vector3::new(0.0, 0.0, turned),
         }
     }

@@ -5,6 +5,7 @@ use super::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
 use crate::units::{Positive, Quantity, STANDARD_GRAVITY, dim};
 use core::f64::consts::PI;
+use fusion_core::math;
 use nalgebra::{Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -58,7 +59,7 @@ impl SegmentSpec for TurnSpec {
             bank: self.bank,
         };
         let chord = speed * turn.displacement(1.0).norm();
-        turn.duration = 2.0 * radius * (0.5 * angle).sin().abs() / chord;
+        turn.duration = 2.0 * radius * math::sin(0.5 * angle).abs() / chord;
         Ok(Box::new(turn))
     }
 }
@@ -88,7 +89,7 @@ impl Turn {
     /// parts of the profile is a polynomial that turns by less than π.
     fn displacement(&self, u: f64) -> Vector2<f64> {
         let direction = |u: f64| {
-            let (s, c) = (self.angle * Profile::at(u).value).sin_cos();
+            let (s, c) = math::sin_cos(self.angle * Profile::at(u).value);
             Vector2::new(c, s)
         };
         let mut sum = Vector2::zeros();
@@ -123,7 +124,7 @@ impl Segment for Turn {
         let (speed, d) = (self.from.speed, self.displacement(u) * self.duration);
         let lean = speed * turned.first / STANDARD_GRAVITY;
         let lean_rate = speed * turned.second / STANDARD_GRAVITY / (1.0 + lean * lean);
-        let (roll, roll_rate) = if self.bank { (lean.atan(), lean_rate) } else { (0.0, 0.0) };
+        let (roll, roll_rate) = if self.bank { (math::atan(lean), lean_rate) } else { (0.0, 0.0) };
         Motion {
             position: self.from.position + (ahead_0 * d.x + right_0 * d.y) * speed,
             velocity: ahead * speed,

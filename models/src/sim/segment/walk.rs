@@ -5,6 +5,7 @@ use super::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
 use crate::units::{Dimensional, NonNegative, Positive, Quantity, dim};
 use core::f64::consts::PI;
+use fusion_core::math;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -112,7 +113,7 @@ impl SegmentSpec for WalkSpec {
 }
 
 fn ahead(heading: f64) -> Vector3<f64> {
-    let (s, c) = heading.sin_cos();
+    let (s, c) = math::sin_cos(heading);
     Vector3::new(c, s, 0.0)
 }
 
@@ -142,8 +143,12 @@ impl Segment for Walk {
         let u = ((t - stride as f64 * self.period - self.stands) / swing).clamp(0.0, 1.0);
         let way = step7(u).stretched(1.0, swing);
         // sin⁴ πu and its derivatives: three of them vanish at both ends.
-        let (s, c) = (PI * u).sin_cos();
-        let [up, rising, lifting] = [s.powi(4), 4.0 * PI * s.powi(3) * c, 4.0 * PI * PI * s * s * (3.0 * c * c - s * s)];
+        let (s, c) = math::sin_cos(PI * u);
+        let [up, rising, lifting] = [
+            math::powi(s, 4),
+            4.0 * PI * math::powi(s, 3) * c,
+            4.0 * PI * PI * s * s * (3.0 * c * c - s * s),
+        ];
         let (from, by) = (self.places[stride], self.places[stride + 1] - self.places[stride]);
         let height = -Vector3::z() * self.lift;
         let toes = pulse(u).1.stretched(-self.pitch, swing);

@@ -2,6 +2,7 @@
 //! is drawn and may move.
 
 use super::SimulatedSensor;
+use fusion_core::math;
 use fusion_core::state::{Dynamics, Layout, Scalar, Slot};
 use fusion_core::time::nanos;
 
@@ -23,7 +24,7 @@ impl Delay {
         let declared = sensor.offset.map_or(0.0, |offset| offset.read(layout.initial()));
         let block = sensor.offset.and_then(|offset| layout.block_of(offset));
         let sigma = match block.map(|block| &block.dynamics) {
-            Some(Dynamics::RandomWalk { psd }) => (psd[0] * duration).sqrt(),
+            Some(Dynamics::RandomWalk { psd }) => math::sqrt(psd[0] * duration),
             Some(Dynamics::GaussMarkov { sigma, .. }) => sigma[0],
             _ => 0.0,
         };

@@ -15,6 +15,7 @@ use core::ops::Range;
 use fusion_core::Time;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_core::model::{Input, Process, SignalBuffer};
 use fusion_core::state::{
     Angle, Attitude, Block, Dynamics, Kind, Layout, LayoutError, Manifold, Position, QuantityName, Scalar, Slot, StateRole, Vector,
@@ -113,7 +114,7 @@ impl Known {
             Self::Attitude(slot) => slot.write(&nav.q_nb, x),
             Self::Heading(slot) => slot.write(&heading(), x),
             Self::Speed(slot) => {
-                let (sin, cos) = heading().sin_cos();
+                let (sin, cos) = math::sin_cos(heading());
                 slot.write(&(nav.v_eb_n.x * cos + nav.v_eb_n.y * sin), x);
             }
             Self::YawRate(slot) => slot.write(&yaw_rate(truth, gravity), x),
@@ -399,13 +400,13 @@ impl TrueState {
             let x = &mut self.x[storage.clone()];
             match dynamics {
                 Dynamics::GaussMarkov { sigma, tau } => {
-                    let decay = (-dt / *tau).exp();
+                    let decay = math::exp(-dt / *tau);
                     for (x, sigma) in x.iter_mut().zip(sigma) {
-                        *x = decay * *x + *sigma * (1.0 - decay * decay).sqrt() * random.normal();
+                        *x = decay * *x + *sigma * math::sqrt(1.0 - decay * decay) * random.normal();
                     }
                 }
                 Dynamics::RandomWalk { psd } => {
-                    let delta: Vec<f64> = psd.iter().map(|psd| (psd * dt).sqrt() * random.normal()).collect();
+                    let delta: Vec<f64> = psd.iter().map(|psd| math::sqrt(psd * dt) * random.normal()).collect();
                     kind.plus(x, &delta);
                 }
                 Dynamics::Process | Dynamics::Constant => {}

@@ -5,6 +5,7 @@ use super::{Goal, Seen, Task, TaskSpec};
 use crate::block::BuildError;
 use crate::units::{NonNegative, Positive, Quantity, dim};
 use fusion_core::Time;
+use fusion_core::math;
 use nalgebra::Vector2;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -46,7 +47,7 @@ impl TaskSpec for DriveSpec {
             Some(distance) => End::Far(distance.si()),
             None => End::Timed(Ends::new(self.duration, self.until).ok_or_else(either)?),
         };
-        let (sin, cos) = self.heading.si().sin_cos();
+        let (sin, cos) = math::sin_cos(self.heading.si());
         Ok(Box::new(Drive {
             heading: self.heading.si(),
             ahead: Vector2::new(cos, sin),

@@ -3,6 +3,7 @@
 use super::{Goal, Seen, Task, TaskSpec};
 use crate::block::BuildError;
 use crate::units::{Axes, NonNegative, Positive, dim, range};
+use fusion_core::math;
 use nalgebra::Vector2;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -86,7 +87,7 @@ impl Task for GoTo {
         }
         Some(Goal::Line {
             from: self.begun,
-            course: along.y.atan2(along.x),
+            course: math::atan2(along.y, along.x),
             speed: self.speed,
             to_go,
         })

@@ -17,6 +17,7 @@ use super::super::segment::{Junction, Motion};
 use super::{Command, Vehicle, VehicleSpec};
 use crate::block::BuildError;
 use crate::units::{NonNegative, Positive, Quantity, dim};
+use fusion_core::math;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -187,7 +188,7 @@ impl Vehicle for SkidSteer {
     }
 
     fn step(&mut self, command: &Command, dt: f64) {
-        let follow = -(-dt / self.lag).exp_m1();
+        let follow = -math::exp_m1(-dt / self.lag);
         let wanted = self.wanted(command);
         self.varying_slip.advance(dt);
         for (i, speed) in self.tracks.iter_mut().enumerate() {
@@ -255,7 +256,7 @@ impl Terrain {
         if distance <= 0.0 {
             return;
         }
-        let fresh = self.sigma * (4.0 * self.rate.powi(3) * distance).sqrt();
+        let fresh = self.sigma * math::sqrt(4.0 * math::powi(self.rate, 3) * distance);
         for tilt in [&mut self.roll, &mut self.pitch] {
             let pull = -self.rate * (2.0 * tilt.slope + self.rate * tilt.angle);
             tilt.slope += pull * distance + fresh * self.random.normal();

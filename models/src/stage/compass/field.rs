@@ -6,6 +6,7 @@
 //! Source     Titterton and Weston 2004, §3.6
 
 use fusion_core::geometry::so3;
+use fusion_core::math;
 use fusion_core::state::wrap;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
@@ -34,9 +35,9 @@ pub struct Field {
 pub fn field(m_b: &Vector3<f64>, q: &UnitQuaternion<f64>, declination: f64) -> Field {
     let m = q * m_b;
     Field {
-        turn: wrap(declination - m.y.atan2(m.x)),
+        turn: wrap(declination - math::atan2(m.y, m.x)),
         magnitude: m.norm(),
-        dip: m.z.atan2(m.x.hypot(m.y)),
+        dip: math::atan2(m.z, math::hypot(m.x, m.y)),
     }
 }
 
@@ -49,7 +50,7 @@ pub fn levelled(q: &UnitQuaternion<f64>, f_b: &Vector3<f64>) -> UnitQuaternion<f
     let (sin, cos) = (axis.norm(), up.dot(f_b));
     // Along the axis: Exp(−δφ) up ∥ f_b. Parallel vectors have no axis and need none.
     let turn = if sin > 0.0 {
-        axis * (-sin.atan2(cos) / sin)
+        axis * (-math::atan2(sin, cos) / sin)
     } else {
         Vector3::zeros()
     };
@@ -60,7 +61,7 @@ pub fn levelled(q: &UnitQuaternion<f64>, f_b: &Vector3<f64>) -> UnitQuaternion<f
 #[inline]
 #[must_use]
 pub fn turned(q: &UnitQuaternion<f64>, angle: f64) -> UnitQuaternion<f64> {
-    let (sin, cos) = (0.5 * angle).sin_cos();
+    let (sin, cos) = math::sin_cos(0.5 * angle);
     UnitQuaternion::new_unchecked(Quaternion::new(cos, 0.0, 0.0, sin)) * q
 }
 

@@ -9,6 +9,7 @@
 
 use super::field::Field;
 use crate::units::{self, NonNegative, Positive, Quantity, dim};
+use fusion_core::math;
 use fusion_core::memory;
 use fusion_core::time::Time;
 use nalgebra::Vector2;
@@ -98,7 +99,7 @@ memory!(Shape { magnitude, dip });
 impl Shape {
     /// Horizontal and downward parts.
     fn parts(&self) -> Vector2<f64> {
-        let (sin, cos) = self.dip.sin_cos();
+        let (sin, cos) = math::sin_cos(self.dip);
         Vector2::new(cos, sin) * self.magnitude
     }
 
@@ -106,7 +107,7 @@ impl Shape {
     fn of(parts: &Vector2<f64>) -> Self {
         Self {
             magnitude: parts.norm(),
-            dip: parts.y.atan2(parts.x),
+            dip: math::atan2(parts.y, parts.x),
         }
     }
 }
@@ -187,7 +188,7 @@ impl FieldGate {
     fn smoothed(&mut self, parts: &Vector2<f64>, time: Time) -> Vector2<f64> {
         let smooth = match self.smooth {
             Some((before, at)) if self.smooth_over > 0.0 => {
-                let share = -(-time.seconds_since(at) / self.smooth_over).exp_m1();
+                let share = -math::exp_m1(-time.seconds_since(at) / self.smooth_over);
                 before + (parts - before) * share
             }
             _ => *parts,

@@ -7,6 +7,7 @@ use core::fmt;
 use core::ops::RangeInclusive;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_models::block::{Channel, Shape};
 use fusion_models::earth::LocalFrame;
 use fusion_models::earth::frames::geodetic_from_ecef;
@@ -167,7 +168,7 @@ impl ChannelPlan {
                     let column = self.inputs[i].name();
                     return Err(Wrong::new(format!("the variance {cell} in column `{column}` is negative")));
                 }
-                number = number.sqrt();
+                number = math::sqrt(number);
             }
             number += self.add[i];
             *out = if self.increment { number / interval } else { number };
@@ -181,7 +182,7 @@ impl Conversion {
     fn apply(&self, read: &[f64], out: &mut [f64]) -> Result<(), Wrong> {
         let position = match self {
             Self::Course => {
-                let (sin, cos) = read[1].sin_cos();
+                let (sin, cos) = math::sin_cos(read[1]);
                 let velocity = [read[0] * cos, read[0] * sin, third(read)];
                 out.copy_from_slice(&velocity[..out.len()]);
                 return Ok(());
@@ -255,7 +256,7 @@ impl Angles {
 
 /// The angle \[rad\] of `ddmm.mmmm`; `None` for 60 minutes and more.
 fn of_degrees_and_minutes(number: f64) -> Option<f64> {
-    let degrees = (number.abs() / 100.0).trunc();
+    let degrees = math::trunc(number.abs() / 100.0);
     let minutes = number.abs() - 100.0 * degrees;
     (minutes < 60.0).then(|| (degrees + minutes / 60.0).to_radians().copysign(number))
 }
