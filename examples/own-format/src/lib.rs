@@ -3,17 +3,20 @@
 //! The format only finds the cells of a row. Their meaning (stamps, calendars, units, `valid`, gzip, bad rows) is
 //! declared and decoded as for every format. A column's name is its path: `angular_velocity.x`, `gyro[0]`.
 //!
+//! A file may have several streams. Each line is then an envelope:
+//! `{"topic": "/imu", "type": "sensor_msgs/Imu", "message": {…}}`. A source selects one stream by `topic`.
+//!
 //! Memory   one line, of 16 MiB at most
 
 use fusion::models::block::BuildError;
 use fusion::rows::{DataError, ProvidedChannel, RowStream, SourceError};
 use fusion::source::decode::{Cell, Malformed, Plan, RawRows, TimeSpec};
-use fusion::source::table::Table;
+use fusion::source::table::{Table, Topic};
 use fusion::source::{DataFile, LogFormat, OpenContext, SourceSpec};
 use serde_json::{Map, Value};
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Read};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The longest line \[bytes\].
 const LONGEST: u64 = 16 << 20;
@@ -26,6 +29,8 @@ fusion::format_spec! {
     pub struct JsonLinesSpec {
         /// The file, relative to the data directory; gzip is recognised by its content.
         path: PathBuf,
+        /// The stream, if the lines are envelopes with `topic`, `type` and `message`.
+        topic: Option<String>,
         /// The clock: the column of the stamps and their meaning.
         time: TimeSpec,
     }
@@ -44,14 +49,44 @@ static FORMAT: LogFormat = LogFormat {
     has_own_clock: false,
     endings: &[".jsonl", ".jsonl.gz"],
     recognises: |first| first.starts_with(b"{\""),
-    read: |path| {
-        let context = OpenContext::default();
-        let rows = Lines::open(&DataFile::new(path, &context), &context)?;
-        Ok(vec![Table::of_rows(path, &FORMAT, rows)?])
-    },
+    read: tables,
 };
 
 fusion::inventory::submit! { FORMAT }
+
+/// One table for each stream, or for the whole file if its lines are no envelopes.
+fn tables(path: &Path) -> Result<Vec<Table>, SourceError> {
+    let context = OpenContext::default();
+    let file = DataFile::new(path, &context);
+    let table = |topic: Option<Topic>| {
+        let rows = Lines::open(&file, &context, topic.as_ref().map(|topic| topic.name.as_str()))?;
+        let table = Table::of_rows(path, &FORMAT, rows)?;
+        Ok(Table { topic, ..table })
+    };
+    let topics = topics(&file, &context)?;
+    if topics.is_empty() {
+        return Ok(vec![table(None)?]);
+    }
+    topics.into_iter().map(|topic| table(Some(topic))).collect()
+}
+
+/// The streams of a file, in the order of their first messages.
+fn topics(file: &DataFile, context: &OpenContext) -> Result<Vec<Topic>, SourceError> {
+    let mut lines = Lines::unread(file, context, None)?;
+    let mut topics: Vec<Topic> = Vec::new();
+    while let Some(object) = lines.object()? {
+        let Ok(object) = object else { continue };
+        let text = |key: &str| object.get(key).and_then(Value::as_str);
+        let Some(name) = text("topic") else { continue };
+        if topics.iter().all(|topic| topic.name != name) {
+            topics.push(Topic {
+                name: name.to_owned(),
+                message_type: text("type").unwrap_or_default().to_owned(),
+            });
+        }
+    }
+    Ok(topics)
+}
 
 #[typetag::deserialize(name = "json_lines")]
 impl SourceSpec for JsonLinesSpec {
@@ -65,7 +100,8 @@ impl SourceSpec for JsonLinesSpec {
 
     fn open(&self, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
         let file = DataFile::new(&self.path, context);
-        self.plan()?.decode(Lines::open(&file, context)?, &file, context)
+        self.plan()?
+            .decode(Lines::open(&file, context, self.topic.as_deref())?, &file, context)
     }
 
     fn open_rows(&self, rows: Box<dyn RawRows>, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
@@ -85,6 +121,8 @@ type Object = Result<Value, String>;
 /// The lines of a file. The first object defines the columns.
 struct Lines {
     file: String,
+    /// The stream whose messages are the rows.
+    topic: Option<String>,
     text: BufReader<Box<dyn Read + Send>>,
     line: usize,
     columns: Vec<String>,
@@ -96,9 +134,11 @@ struct Lines {
 }
 
 impl Lines {
-    fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
-        let mut lines = Self {
+    /// The lines before the first one is read.
+    fn unread(file: &DataFile, context: &OpenContext, topic: Option<&str>) -> Result<Self, SourceError> {
+        Ok(Self {
             file: file.name(),
+            topic: topic.map(str::to_owned),
             text: BufReader::new(file.bytes(context)?),
             line: 0,
             columns: Vec::new(),
@@ -106,8 +146,12 @@ impl Lines {
             cells: Vec::new(),
             wrong: None,
             is_ahead: false,
-        };
-        if let Some(first) = lines.object()? {
+        })
+    }
+
+    fn open(file: &DataFile, context: &OpenContext, topic: Option<&str>) -> Result<Self, SourceError> {
+        let mut lines = Self::unread(file, context, topic)?;
+        if let Some(first) = lines.message()? {
             if let Ok(object) = &first {
                 flattened("", object.clone(), &mut |name, _| lines.columns.push(name));
             }
@@ -134,6 +178,21 @@ impl Lines {
         }
         let object: Result<Map<String, Value>, _> = serde_json::from_str(&text);
         Ok(Some(object.map(Value::Object).map_err(|error| error.to_string())))
+    }
+
+    /// The next message of the stream; the next object, if no stream is selected. A line that is no object counts as
+    /// one, so that it is reported.
+    fn message(&mut self) -> Result<Option<Object>, DataError> {
+        loop {
+            let object = match (self.object()?, &self.topic) {
+                (Some(Ok(object)), Some(topic)) => (object, topic),
+                (other, _) => return Ok(other),
+            };
+            let (mut object, topic) = object;
+            if object.get("topic").and_then(Value::as_str) == Some(topic) {
+                return Ok(Some(Ok(object["message"].take())));
+            }
+        }
     }
 
     /// Makes an object the current row.
@@ -182,7 +241,7 @@ impl RawRows for Lines {
         if core::mem::take(&mut self.is_ahead) {
             return Ok(true);
         }
-        let next = self.object()?;
+        let next = self.message()?;
         let is_there = next.is_some();
         next.into_iter().for_each(|object| self.take(object));
         Ok(is_there)

@@ -39,7 +39,8 @@ pub struct LogFormat {
     /// Whether a file has this format, by its first bytes: 4096 at most, unpacked if it is gzip-compressed. It is
     /// not called if the name has one of the endings.
     pub recognises: fn(&[u8]) -> bool,
-    /// Reads a whole file: one table for each set of columns with common rows.
+    /// Reads a whole file: one table for each set of columns with common rows. If the file has several streams, each
+    /// table has its [`Topic`](super::table::Topic), and a source selects it by the key `topic`.
     ///
     /// # Errors
     /// It cannot be opened or read.

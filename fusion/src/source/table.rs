@@ -27,6 +27,8 @@ const BLANKS: &str = "blanks";
 pub struct Table {
     /// The file.
     pub path: PathBuf,
+    /// The stream, if the file has several streams of unlike types.
+    pub topic: Option<Topic>,
     /// How it is written; text by default.
     pub format: &'static LogFormat,
     /// The delimiter of its fields.
@@ -54,6 +56,15 @@ pub struct Table {
     pub arrays: Vec<(String, String)>,
     /// Number of rows that cannot be split into one cell per column.
     pub malformed: usize,
+}
+
+/// A stream of a file with several streams. A source of such a format has the key `topic`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Topic {
+    /// Its name, as a source declares it: `/imu/data`.
+    pub name: String,
+    /// The type of its messages, as the file names it: `sensor_msgs/msg/Imu`.
+    pub message_type: String,
 }
 
 /// A column.
