@@ -1,0 +1,1 @@
+//! The input without a queue and without an estimator.

@@ -1,0 +1,1 @@
+//! The queue without an estimator.
