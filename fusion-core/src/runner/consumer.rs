@@ -77,7 +77,7 @@ pub(super) struct Route {
     pub(super) takes_late: bool,
 }
 
-/// A row that one of its consumers does not use, and why.
+/// A row that a consumer does not use, and why.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Refused {
     pub(super) consumer: Consumer,

@@ -51,7 +51,7 @@ impl Runner {
         self.intake.remember(tape);
         self.scheduler.remember(tape);
         if tape.is_reading() && !self.is_consistent() {
-            tape.refuse("a row is in nobody's hands");
+            tape.refuse("a row or its consumer does not exist");
         }
     }
 

@@ -30,7 +30,7 @@ pub struct Runner {
     process: Arc<dyn Process>,
 }
 
-/// What is declared before the first row.
+/// Declarations, before the first row.
 impl Runner {
     /// A runner of `estimator`, whose process is `process`; rows may arrive up to `buffer`
     /// seconds out of order.
@@ -155,7 +155,7 @@ impl Runner {
     }
 }
 
-/// What was declared.
+/// Declared parts.
 impl Runner {
     /// The number of the stream `name`.
     #[must_use]

@@ -34,7 +34,7 @@ pub(crate) enum Taken {
     Resumes { since: Time, start: Time },
 }
 
-/// What to do because the input is silent.
+/// The next step through a silence of the input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Silence {
     /// The waiting rows are spikes: no row comes that could confirm them.
@@ -80,7 +80,7 @@ impl Memory for Intake {
     }
 }
 
-/// What is declared before the first row.
+/// Declarations, before the first row.
 impl Intake {
     /// The input of a process that time alone moves.
     pub(crate) fn none() -> Self {
@@ -130,7 +130,7 @@ impl Intake {
         self.keeps_window = is_kept;
     }
 
-    /// What is read of which stream.
+    /// Its stream, and the columns that it reads.
     pub(crate) const fn port(&self) -> Option<&Port> {
         self.port.as_ref()
     }

@@ -52,7 +52,7 @@ impl Memory for Queue {
     }
 }
 
-/// What is declared before the first row.
+/// Declarations, before the first row.
 impl Queue {
     /// A queue whose rows may arrive up to `buffer` \[ns\] out of order.
     pub(crate) fn new(buffer: i64) -> Self {
@@ -222,21 +222,21 @@ impl Queue {
         self.quarantine.give_back(row);
     }
 
-    /// No consumer gets a row whose stamp no other row has confirmed. Each is passed to `refuse`.
+    /// No consumer gets a row whose stamp no other row has confirmed; each is passed to `refuse`.
     pub(crate) fn refuse<E>(&self, row: &Row<'_>, refuse: impl FnMut(Refused) -> Result<(), E>) -> Result<(), E> {
         let why = Discard::TimeJump { now: self.watermark };
         let routes = self.routes.iter().filter(|route| route.port.stream == row.stream);
-        let refused = routes.map(|route| Refused {
+        let mut refused = routes.map(|route| Refused {
             consumer: route.consumer,
             time: row.time.shifted(-route.port.delay),
             row: RowId::of(row, self.watermark, &route.port.columns),
             why,
         });
-        refused.map(refuse).collect()
+        refused.try_for_each(refuse)
     }
 
     /// Takes a row that came at `arrival`, once for each of its consumers. It is late for a consumer for which it is
-    /// valid before the last served time, or before `from`. Such a consumer is passed to `refuse`.
+    /// valid before the last served time, or before `from`; this is passed to `refuse`.
     pub(crate) fn put<E>(
         &mut self,
         row: &Row<'_>,

@@ -47,7 +47,7 @@ fn queue() -> Queue {
     queue
 }
 
-/// What was served: when a row is valid, for which consumer, and its number.
+/// Served rows: when each is valid, for which consumer, and its number.
 type Served = Vec<(Time, Consumer, u64)>;
 
 /// Serves the rows that are valid up to `until`.

@@ -44,7 +44,7 @@ impl Memory for Scheduler {
     }
 }
 
-/// What is declared before the first row.
+/// Declarations, before the first row.
 impl Scheduler {
     /// A scheduler of `estimator`, whose process reads `input_dim` numbers.
     pub(crate) fn new(estimator: Box<dyn Estimator>, input_dim: usize) -> Self {
@@ -101,7 +101,7 @@ impl Scheduler {
         self.starter.units()
     }
 
-    /// What it reads of which stream: initialisers first, then stages and sensors.
+    /// The streams that it reads: those of initialisers first, then those of stages and sensors.
     ///
     /// The initialisers of a running filter do not use rows, but may have to start it again by the time that the rows
     /// are served.
@@ -156,7 +156,7 @@ impl Scheduler {
         }
     }
 
-    /// What it remembers of the health.
+    /// Its memory of the health, apart from the rest: the monitor is detached while a row is processed.
     pub(crate) fn remember_health(&mut self, tape: &mut Tape<'_>) {
         self.starter.remember_health(self.estimator.belief(), tape);
     }

@@ -18,7 +18,7 @@ pub(crate) struct Waiting {
 }
 crate::memory!(Waiting { time, sensor, row });
 
-/// What the other parts of the runner know about a measurement.
+/// The knowledge of the other parts of the runner about a measurement.
 #[derive(Debug, Default)]
 pub(crate) struct Circumstances<'a> {
     /// The current sample of the input as it was expected, in which the model is differentiated.

@@ -33,7 +33,7 @@ pub(super) enum Phase {
     Aligning,
 }
 
-/// What the initialisers know about the attitude.
+/// The knowledge of the initialisers about the attitude.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Alignment {
     /// They have not found it.
@@ -101,7 +101,7 @@ impl Starter {
         }
     }
 
-    /// What it remembers of the health; its beliefs have the size of `belief`.
+    /// Its memory of the health; its beliefs have the size of `belief`.
     pub(super) fn remember_health(&mut self, belief: &Belief, tape: &mut Tape<'_>) {
         self.restart.remember(belief, tape);
     }
