@@ -77,6 +77,21 @@ pub(super) struct Route {
     pub(super) takes_late: bool,
 }
 
+/// The delays that the consumers of rows declare \[ns\].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Delays {
+    /// The longest delay of any consumer, not negative.
+    pub(super) longest: i64,
+    /// The delay of the process input.
+    pub(super) input: i64,
+    /// How much earlier than its leader a follower on the same stream may be valid, at most.
+    pub(super) lead: i64,
+    /// Whether a follower is on another stream than its leader.
+    pub(super) are_apart: bool,
+    /// Whether a time of validity is estimated, under input that is still to come.
+    pub(super) are_estimated: bool,
+}
+
 /// A row that a consumer does not use, and why.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Refused {

@@ -15,16 +15,14 @@ mod input;
 mod nested;
 mod parts;
 mod queue;
-mod rewind;
 mod rows;
 mod scheduler;
 mod watching;
 
-pub use driver::Runner;
+pub use driver::{RewindNeeds, Rewinds, Runner};
 pub use event::{Discard, Event, Halt, Observer, Observers, RowId};
 pub use nested::{Nested, Outlet};
 pub use parts::{Emitter, Initialiser, InitialiserUnit, InputLimits, Noise, Offset, Port, Sensor, Stage, StageUnit, Tested};
-pub use rewind::{RewindNeeds, Rewinds};
 pub use rows::Row;
 
 use thiserror::Error;

@@ -207,6 +207,10 @@ pub(super) struct Emitted {
 }
 
 impl Emitted {
+    pub(super) const fn count(&self) -> u64 {
+        self.rows.len() as u64
+    }
+
     pub(super) fn rows(&self) -> impl Iterator<Item = (Time, &[f64])> {
         let mut start = 0;
         self.rows.iter().map(move |&(t, len)| {

@@ -246,12 +246,12 @@ impl Runner {
     /// Queues the rows that a stage has emitted.
     fn take_emission(&mut self, emission: Emission, observer: &mut dyn Observer) -> Result<(), Halt> {
         let everything = 0..self.queue.width(emission.stream);
-        for (time, values) in emission.rows() {
+        for (number, time, values) in emission.rows() {
             let row = Row {
                 stream: emission.stream,
                 time,
                 values,
-                number: self.scheduler.next_number(emission.unit),
+                number,
                 disturbed: if emission.is_disturbed {
                     core::slice::from_ref(&everything)
                 } else {

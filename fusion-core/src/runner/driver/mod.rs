@@ -10,6 +10,8 @@
 mod carrying;
 mod feeding;
 mod memory;
+mod rewind;
 mod runner;
 
+pub use rewind::{RewindNeeds, Rewinds};
 pub use runner::Runner;

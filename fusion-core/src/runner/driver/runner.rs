@@ -1,14 +1,14 @@
 //! The parts of a runner, their declaration, and questions about them.
 
 use super::memory::Detour;
+use super::rewind::Rewind;
 use crate::belief::Belief;
 use crate::filter::Estimator;
 use crate::health::{Health, Limits, Monitor, Watched};
 use crate::model::Process;
-use crate::runner::consumer::{Consumer, PROCESS, Route};
+use crate::runner::consumer::{Consumer, Delays, PROCESS, Route};
 use crate::runner::input::Intake;
-use crate::runner::queue::{Delays, Queue};
-use crate::runner::rewind::Rewind;
+use crate::runner::queue::Queue;
 use crate::runner::scheduler::Scheduler;
 use crate::runner::{InitialiserUnit, InputLimits, Port, RewindNeeds, Rewinds, Sensor, StageUnit, StreamId, Tested};
 use crate::time::nanos;

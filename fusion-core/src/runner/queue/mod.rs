@@ -15,4 +15,3 @@ mod tests;
 pub(super) use inbox::Queue;
 pub(super) use order::Entry;
 pub(super) use quarantine::{Admission, Quarantine};
-pub(super) use release::Delays;

@@ -7,20 +7,7 @@
 //!            present, to look ahead
 //! Live       rows are used as they arrive: only the input holds them back
 
-/// The delays that the consumers of rows declare \[ns\].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Delays {
-    /// The longest delay of any consumer, not negative.
-    pub(crate) longest: i64,
-    /// The delay of the process input.
-    pub(crate) input: i64,
-    /// How much earlier than its leader a follower on the same stream may be valid, at most.
-    pub(crate) lead: i64,
-    /// Whether a follower is on another stream than its leader.
-    pub(crate) are_apart: bool,
-    /// Whether a time of validity is estimated, under input that is still to come.
-    pub(crate) are_estimated: bool,
-}
+use crate::runner::consumer::Delays;
 
 /// The rule by which rows are released.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::memory::{restore, save};
-use crate::runner::consumer::{Consumer, Refused, Route};
+use crate::runner::consumer::{Consumer, Delays, Refused, Route};
 use crate::runner::{Discard, Port, Row, StreamId};
 use crate::time::Time;
 use proptest::prelude::*;

@@ -8,8 +8,7 @@ use crate::filter::{Estimator, FilterError};
 use crate::gate::Outcome;
 use crate::memory::{Memory, Tape};
 use crate::model::Input;
-use crate::runner::consumer::{Consumer, PROCESS, Refused, Route};
-use crate::runner::queue::Delays;
+use crate::runner::consumer::{Consumer, Delays, PROCESS, Refused, Route};
 use crate::runner::rows::Stored;
 use crate::runner::{Event, Halt, InitialiserUnit, Observer, Sensor, StageUnit, StreamId};
 use crate::time::{Time, nanos};
@@ -482,11 +481,6 @@ impl Scheduler {
     /// Notifies a stage that no row follows.
     pub(crate) fn finish_stage(&mut self, unit: usize, observer: &mut dyn Observer) -> Result<Emission, Halt> {
         self.stages.finish(unit, observer)
-    }
-
-    /// The number of the next row of a stage.
-    pub(crate) fn next_number(&mut self, unit: usize) -> u64 {
-        self.stages.number(unit)
     }
 
     /// Takes the memory of rows that are queued.

@@ -4,7 +4,7 @@ use crate::filter::{Estimator, Lateness, Observed, Verdict};
 use crate::gate::Outcome;
 use crate::memory::{Memory, Tape};
 use crate::model::Input;
-use crate::runner::queue::Delays;
+use crate::runner::consumer::Delays;
 use crate::runner::rows::Stored;
 use crate::runner::{Discard, Event, Halt, Observer, RowId, Sensor};
 use crate::time::Time;

@@ -10,19 +10,20 @@ use crate::time::Time;
 /// Rows that a stage has emitted.
 #[derive(Debug)]
 pub(crate) struct Emission {
-    /// The stage.
-    pub(crate) unit: usize,
     /// The stream that the stage feeds.
     pub(crate) stream: StreamId,
     /// Whether a declared fault changed the row that caused them.
     pub(crate) is_disturbed: bool,
+    /// The rows that the stage has emitted before.
+    before: u64,
     rows: Emitted,
 }
 
 impl Emission {
-    /// The rows: when each is valid, and its numbers.
-    pub(crate) fn rows(&self) -> impl Iterator<Item = (Time, &[f64])> {
-        self.rows.rows()
+    /// The rows: how many the stage has emitted before, when each is valid, and its values.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = (u64, Time, &[f64])> {
+        let numbered = (self.before..).zip(self.rows.rows());
+        numbered.map(|(number, (time, values))| (number, time, values))
     }
 }
 
@@ -90,20 +91,15 @@ impl Stages {
         Ok(self.emission(unit, false, rows))
     }
 
-    fn emission(&self, unit: usize, is_disturbed: bool, rows: Emitted) -> Emission {
+    fn emission(&mut self, unit: usize, is_disturbed: bool, rows: Emitted) -> Emission {
+        let before = self.emissions[unit];
+        self.emissions[unit] += rows.count();
         Emission {
-            unit,
             stream: self.units[unit].output,
             is_disturbed,
+            before,
             rows,
         }
-    }
-
-    /// The number of the next row of a stage.
-    pub(super) fn number(&mut self, unit: usize) -> u64 {
-        let number = self.emissions[unit];
-        self.emissions[unit] += 1;
-        number
     }
 
     /// Takes the memory of rows that are queued.

@@ -15,10 +15,11 @@
 //! Rows stay in the log, and snapshots in their ring, until the settled runner has passed them: until then a row may
 //! still come that is valid there. Their memory is used again.
 
-use super::queue::{Admission, Quarantine};
-use super::rows::Copied;
-use super::{Event, Halt, Observer, Row, Runner};
+use super::Runner;
 use crate::memory::{Memory, Tape, recall, save};
+use crate::runner::queue::{Admission, Quarantine};
+use crate::runner::rows::Copied;
+use crate::runner::{Event, Halt, Observer, Row};
 use crate::time::{Time, nanos};
 use std::collections::VecDeque;
 
