@@ -20,7 +20,7 @@ impl Runner {
     pub(super) fn run_ready(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         while let Some(sample) = self.intake.next() {
             self.advance(&sample, observer)?;
-            self.intake.is_run_over(sample);
+            self.intake.take_back(sample);
         }
         Ok(())
     }

@@ -306,13 +306,13 @@ impl Intake {
 
 /// Samples go out.
 impl Intake {
-    /// The next sample to run over, lent until it is [run over](Intake::is_run_over).
+    /// The next sample to run over, lent until it is [taken back](Intake::take_back).
     pub(crate) fn next(&mut self) -> Option<Sample> {
         self.samples.next()
     }
 
     /// Takes the memory of a sample that has been run over.
-    pub(crate) fn is_run_over(&mut self, sample: Sample) {
+    pub(crate) fn take_back(&mut self, sample: Sample) {
         self.samples.give_back(sample);
     }
 

@@ -81,7 +81,7 @@ fn samples(intake: &mut Intake) -> Vec<(Time, Time, f64)> {
         assert_eq!(sample.input().interval, sample.end.seconds_since(sample.start));
         intake.expect(&sample);
         all.push((sample.start, sample.end, sample.input().sample[0]));
-        intake.is_run_over(sample);
+        intake.take_back(sample);
     }
     all
 }
