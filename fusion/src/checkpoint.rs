@@ -36,7 +36,7 @@ impl Of {
 }
 
 /// Raised whenever what is remembered, or how it is written, changes.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const HEADER: usize = 36;
 
 /// Why a program cannot resume from these bytes.

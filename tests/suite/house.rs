@@ -159,6 +159,45 @@ fn no_circle_of_modules() {
     }
 }
 
+/// The parts of a runner, and the paths that they must not name: a part gets values from its driver.
+const PARTS: [(&str, &[&str]); 3] = [
+    (
+        "queue",
+        &[
+            "runner::input",
+            "runner::scheduler",
+            "runner::driver",
+            "crate::filter",
+            "crate::model",
+        ],
+    ),
+    (
+        "input",
+        &[
+            "runner::queue",
+            "runner::scheduler",
+            "runner::driver",
+            "crate::filter",
+            "crate::belief",
+        ],
+    ),
+    ("scheduler", &["runner::queue", "runner::input", "runner::driver"]),
+];
+
+#[test]
+fn the_parts_of_a_runner_know_each_other_by_values() {
+    for (part, others) in PARTS {
+        let mut files = Vec::new();
+        sources(&Path::new(ROOT).join("fusion-core/src/runner").join(part), &mut files);
+        assert!(!files.is_empty(), "{part}");
+        for file in files {
+            let text = fs::read_to_string(&file).unwrap();
+            let named: Vec<_> = others.iter().filter(|other| text.contains(**other)).collect();
+            assert!(named.is_empty(), "{} names {named:?}", file.display());
+        }
+    }
+}
+
 #[test]
 fn a_circle_of_modules_is_found() {
     let arrow = |from: &str, to: &str| (from.to_owned(), BTreeSet::from([to.to_owned()]));

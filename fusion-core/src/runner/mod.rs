@@ -8,33 +8,21 @@
 //! An input sample is valid over the interval that ends at its stamp. A measurement inside that
 //! interval waits for the sample and then splits it.
 
-mod ahead;
-mod coasting;
+mod consumer;
+mod driver;
 mod event;
-mod expectation;
-mod guard;
-mod intake;
-mod keep;
-mod look_ahead;
+mod input;
 mod nested;
-mod offset;
-mod ordering;
 mod parts;
-mod quarantine;
-mod realign;
-mod restart;
-mod rewind;
+mod queue;
 mod rows;
-mod serving;
-mod stages;
+mod scheduler;
 mod watching;
 
+pub use driver::{RewindNeeds, Rewinds, Runner};
 pub use event::{Discard, Event, Halt, Observer, Observers, RowId};
 pub use nested::{Nested, Outlet};
-pub use offset::Offset;
-pub use ordering::Runner;
-pub use parts::{Emitter, Initialiser, InitialiserUnit, InputLimits, Noise, Port, Sensor, Stage, StageUnit, Tested};
-pub use rewind::{RewindNeeds, Rewinds};
+pub use parts::{Emitter, Initialiser, InitialiserUnit, InputLimits, Noise, Offset, Port, Sensor, Stage, StageUnit, Tested};
 pub use rows::Row;
 
 use thiserror::Error;
@@ -70,6 +58,8 @@ impl From<Halt> for RunError {
 
 #[cfg(test)]
 mod gap_tests;
+#[cfg(test)]
+mod offset_tests;
 #[cfg(test)]
 mod recording_tests;
 #[cfg(test)]

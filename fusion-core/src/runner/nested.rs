@@ -13,7 +13,6 @@
 
 use super::{Emitter, Event, Halt, Observer, Row, Runner, Stage, StreamId};
 use crate::belief::Belief;
-use crate::filter::Estimator;
 use crate::geometry::so3;
 use crate::math;
 use crate::state::{Attitude, Block, Manifold, View};
@@ -84,15 +83,16 @@ impl Nested {
     /// estimate there from `before`. If time alone moves the process, a measurement must have been `used`.
     fn is_due(&self, time: Time, before: Time, used: bool) -> bool {
         let now = self.runner.belief().time;
-        let moved = if self.runner.is_driven() { now > before } else { used };
+        let scheduler = self.runner.scheduler();
+        let moved = if scheduler.is_driven() { now > before } else { used };
         // Signals at the start itself have no input yet.
-        moved && now == time && self.runner.started() && time > self.runner.start_after
+        moved && now == time && scheduler.has_started_before(time)
     }
 
     /// Fills the row to emit; `driving` is the row that drove the process.
     fn fill(&mut self, driving: &[f64]) {
         self.row.clear();
-        let estimator: &mut dyn Estimator = self.runner.estimator.as_mut();
+        let estimator = self.runner.estimator_mut();
         for outlet in &self.outlets {
             match outlet {
                 Outlet::State(b) => self.row.extend_from_slice(&estimator.belief().x[b.storage_range()]),
@@ -177,7 +177,7 @@ impl Stage for Nested {
 mod tests {
     use super::*;
     use crate::filter::tests::{Direct, Still, declare, second};
-    use crate::filter::{Backend, Filter};
+    use crate::filter::{Backend, Estimator, Filter};
     use crate::gate::Open;
     use crate::linear::Transition;
     use crate::loss::Quadratic;

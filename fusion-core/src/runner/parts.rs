@@ -1,15 +1,15 @@
 //! The parts of a runner.
 
+use super::StreamId;
 use super::event::{Event, Halt, Observer};
-use super::{Offset, StreamId};
 use crate::belief::Belief;
 use crate::gate::Gate;
 use crate::loss::Loss;
 use crate::math;
 use crate::memory::Memory;
 use crate::model::Measurement;
-use crate::state::{Layout, View};
-use crate::time::Time;
+use crate::state::{Layout, Quantity, Scalar, View};
+use crate::time::{Time, nanos};
 use core::fmt::Debug;
 use std::sync::Arc;
 
@@ -89,6 +89,18 @@ impl Noise {
     }
 }
 
+/// The time offset of a sensor whose rows cannot simply be queued at their time of validity: stamp
+/// minus validity \[s\].
+#[derive(Clone, Debug)]
+pub struct Offset {
+    /// Its value: a state, or a constant where rows come too late to be queued that early.
+    pub value: Quantity<Scalar>,
+    /// The least offset that is allowed for; a row with a smaller offset is served at this one.
+    pub least: f64,
+    /// The largest offset that is allowed for. [`Port::delay`] of its sensor contains it.
+    pub most: f64,
+}
+
 /// One sensor: a model fed by a stream, with its noise, gate and loss as siblings.
 #[derive(Debug)]
 pub struct Sensor {
@@ -118,6 +130,25 @@ impl Sensor {
     pub fn reads(&self) -> (StreamId, Vec<usize>) {
         let columns = self.port.columns.iter().chain(&self.noise.sigma_columns);
         (self.port.stream, columns.copied().collect())
+    }
+
+    /// The shortest delay its rows may have \[ns\].
+    pub(super) fn least_delay(&self) -> i64 {
+        let play = self.offset.as_ref().map_or(0, |o| nanos((o.most - o.least).max(0.0)));
+        self.port.delay.saturating_sub(play)
+    }
+
+    /// When a row of this stamp is valid, by the offset in the state `x`; `None` without an offset.
+    pub(super) fn aim(&self, stamp: Time, x: &[f64]) -> Option<Time> {
+        let offset = self.offset.as_ref()?;
+        let tau = offset.value.stored(x).unwrap_or(offset.most).max(offset.least).min(offset.most);
+        Some(stamp.shifted(-self.port.delay).shifted(nanos(offset.most - tau)))
+    }
+
+    /// The offset by which a row of this stamp is valid at `time`; `None` without an offset.
+    pub(super) fn assumed(&self, stamp: Time, time: Time) -> Option<f64> {
+        let earliest = stamp.shifted(-self.port.delay);
+        Some(self.offset.as_ref()?.most - time.seconds_since(earliest))
     }
 }
 
@@ -177,6 +208,10 @@ pub(super) struct Emitted {
 }
 
 impl Emitted {
+    pub(super) const fn count(&self) -> u64 {
+        self.rows.len() as u64
+    }
+
     pub(super) fn rows(&self) -> impl Iterator<Item = (Time, &[f64])> {
         let mut start = 0;
         self.rows.iter().map(move |&(t, len)| {

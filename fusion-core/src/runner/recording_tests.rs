@@ -53,6 +53,11 @@ impl Initialiser for First {
 
 /// Positions on stream 0, and on stream 1 the number that a calibration is.
 fn runner() -> Runner {
+    runner_from(First(None), vec![port(0)])
+}
+
+/// The same with an initialiser of `inputs`.
+fn runner_from(first: First, inputs: Vec<Port>) -> Runner {
     let mut b = LayoutBuilder::new();
     let position = declare::<Scalar>(&mut b, "position", 0.0, &[1.0], Dynamics::Process);
     let scale = b.declare::<Scalar>(Declaration {
@@ -83,8 +88,8 @@ fn runner() -> Runner {
     }
     runner.add_initialiser(InitialiserUnit {
         name: "first".to_owned(),
-        initialiser: Box::new(First(None)),
-        inputs: vec![port(0)],
+        initialiser: Box::new(first),
+        inputs,
     });
     runner
 }
@@ -174,9 +179,7 @@ fn a_filter_that_is_lost_for_long_starts_anew_with_the_calibration_of_before() {
     let scale: f64 = told[2].rsplit(' ').next().unwrap().parse().unwrap();
     assert!((scale - 2.0).abs() < 0.01, "{told:?}");
     // An initialiser that reads nothing would put the vehicle where it was in the beginning.
-    let mut fixed = runner();
+    let mut fixed = runner_from(First(Some(5.0)), Vec::new());
     fixed.restart_lost(5.0);
-    fixed.initialisers[0].inputs.clear();
-    fixed.initialisers[0].initialiser = Box::new(First(Some(5.0)));
     assert_eq!(lost(&mut fixed).len(), 1);
 }

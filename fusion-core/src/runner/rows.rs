@@ -1,11 +1,8 @@
-//! Rows in flight, and the queue that orders them.
+//! A row: as it is fed, and as a part of the runner keeps it.
 
-use super::StreamId;
-use crate::memory::{Memory, Tape};
-use crate::runner::RowId;
+use super::{RowId, StreamId};
 use crate::time::Time;
 use core::ops::Range;
-use std::collections::VecDeque;
 
 /// A row as it is fed.
 #[derive(Clone, Copy, Debug)]
@@ -40,129 +37,72 @@ impl<'a> Row<'a> {
     }
 }
 
-/// The consumer of a row. At one time of validity, consumers are served in this order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Consumer {
-    #[default]
-    Input,
-    /// Unit, input.
-    Initialiser(usize, usize),
-    /// Unit, input.
-    Stage(usize, usize),
-    /// Finds the time of validity of a row, for a sensor with an estimated offset: its number.
-    Aim(usize),
-    /// Rank, number.
-    Sensor(usize, usize),
-}
-
-impl Consumer {
-    /// Whether it does not need rows once the filter runs.
-    pub(super) const fn is_initialiser(self) -> bool {
-        matches!(self, Self::Initialiser(..))
-    }
-
-    /// Served after all others of its time.
-    pub(super) const LAST: Self = Self::Sensor(usize::MAX, usize::MAX);
-
-    /// Which of its inputs it takes the row at.
-    pub(super) const fn input(self) -> usize {
-        match self {
-            Self::Initialiser(_, input) | Self::Stage(_, input) => input,
-            Self::Input | Self::Aim(_) | Self::Sensor(..) => 0,
-        }
-    }
-}
-
-impl Memory for Consumer {
-    fn remember(&mut self, tape: &mut Tape<'_>) {
-        let (mut kind, mut of, mut input) = match *self {
-            Self::Input => (0_u8, 0, 0),
-            Self::Initialiser(unit, input) => (1, unit, input),
-            Self::Stage(unit, input) => (2, unit, input),
-            Self::Aim(sensor) => (3, sensor, 0),
-            Self::Sensor(rank, sensor) => (4, sensor, rank),
-        };
-        kind.remember(tape);
-        of.remember(tape);
-        input.remember(tape);
-        *self = match kind {
-            0 => Self::Input,
-            1 => Self::Initialiser(of, input),
-            2 => Self::Stage(of, input),
-            3 => Self::Aim(of),
-            4 => Self::Sensor(input, of),
-            _ => return tape.refuse("a consumer does not exist"),
-        };
-    }
-}
-
-/// An entry of the reorder queue.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Entry {
-    pub(super) time: Time,
-    pub(super) consumer: Consumer,
-    pub(super) row: usize,
-}
-crate::memory!(Entry { time, consumer, row });
-
-/// Entries by time of validity, then consumer, then arrival.
-///
-/// Sorted, not a heap: rows come nearly in order, and a row in order is put at the end at once.
+/// A copy of a row, in memory that is used again. It does not keep the arrival.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Queue(VecDeque<Entry>);
-
-impl Memory for Queue {
-    fn remember(&mut self, tape: &mut Tape<'_>) {
-        self.0.remember(tape);
-    }
-}
-
-impl Queue {
-    pub(super) fn new() -> Self {
-        Self(VecDeque::with_capacity(64))
-    }
-
-    pub(super) fn put(&mut self, entry: Entry) {
-        let precedes = |other: &Entry| (other.time, other.consumer) <= (entry.time, entry.consumer);
-        if self.0.back().is_none_or(precedes) {
-            self.0.push_back(entry);
-        } else {
-            self.0.insert(self.0.partition_point(precedes), entry);
-        }
-    }
-
-    /// The entries in order.
-    pub(super) fn iter(&self) -> impl Iterator<Item = &Entry> {
-        self.0.iter()
-    }
-
-    /// The entry that comes first.
-    pub(super) fn first(&self) -> Option<&Entry> {
-        self.0.front()
-    }
-
-    /// Takes the first entry.
-    pub(super) fn take(&mut self) -> Option<Entry> {
-        self.0.pop_front()
-    }
-}
-
-/// One row in flight.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Slot {
-    pub(super) values: Vec<f64>,
+pub(super) struct Copied {
+    stream: StreamId,
+    time: Time,
+    values: Vec<f64>,
+    number: u64,
     disturbed: Vec<Range<usize>>,
-    id: RowId,
-    uses: u32,
 }
-crate::memory!(Slot {
-    uses,
+crate::memory!(Copied {
+    stream,
+    time,
     values,
-    disturbed,
-    id
+    number,
+    disturbed
 });
 
-impl Slot {
+impl Copied {
+    /// Becomes a copy of `row`.
+    pub(super) fn take(&mut self, row: &Row<'_>) {
+        (self.stream, self.time, self.number) = (row.stream, row.time, row.number);
+        self.values.clear();
+        self.values.extend_from_slice(row.values);
+        self.disturbed.clear();
+        self.disturbed.extend_from_slice(row.disturbed);
+    }
+
+    pub(super) fn row(&self) -> Row<'_> {
+        Row {
+            stream: self.stream,
+            time: self.time,
+            values: &self.values,
+            number: self.number,
+            disturbed: &self.disturbed,
+            arrival: None,
+        }
+    }
+}
+
+/// A row that its consumers have not all used yet.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Stored {
+    values: Vec<f64>,
+    disturbed: Vec<Range<usize>>,
+    id: RowId,
+}
+crate::memory!(Stored { values, disturbed, id });
+
+impl Stored {
+    /// Becomes a copy of `row`, which arrives at `arrival`.
+    pub(super) fn take(&mut self, row: &Row<'_>, arrival: Time) {
+        self.values.clear();
+        self.values.extend_from_slice(row.values);
+        self.disturbed.clear();
+        self.disturbed.extend_from_slice(row.disturbed);
+        self.id = RowId::of(row, arrival, &[]);
+    }
+
+    pub(super) fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    pub(super) const fn stream(&self) -> StreamId {
+        self.id.stream
+    }
+
     pub(super) const fn stamp(&self) -> Time {
         self.id.stamp
     }
@@ -193,84 +133,6 @@ impl RowId {
             stamp: row.time,
             arrival,
             disturbed: is_disturbed(row.disturbed, columns),
-        }
-    }
-}
-
-/// Rows in flight, reused: a row is freed when its last consumer has seen it.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Rows {
-    slots: Vec<Slot>,
-    free: Vec<usize>,
-}
-
-/// Rows in flight keep their places; free rows are not saved.
-impl Memory for Rows {
-    fn remember(&mut self, tape: &mut Tape<'_>) {
-        let used = self.slots.iter().rposition(|slot| slot.uses > 0).map_or(0, |last| last + 1);
-        let used = tape.length(used, 1);
-        if self.slots.len() < used {
-            self.slots.resize_with(used, Slot::default);
-        }
-        let (slots, rest) = self.slots.split_at_mut(used);
-        for slot in slots {
-            let mut is_used = slot.uses > 0;
-            is_used.remember(tape);
-            if is_used {
-                slot.remember(tape);
-            } else {
-                slot.uses = 0;
-            }
-        }
-        if tape.is_reading() {
-            rest.iter_mut().for_each(|slot| slot.uses = 0);
-            self.free.clear();
-            let is_free = |(at, slot): (usize, &Slot)| (slot.uses == 0).then_some(at);
-            self.free.extend(self.slots.iter().enumerate().rev().filter_map(is_free));
-        }
-    }
-}
-
-impl Rows {
-    pub(super) fn put(&mut self, row: &Row<'_>, arrival: Time) -> usize {
-        let id = RowId::of(row, arrival, &[]);
-        let at = self.free.pop().unwrap_or_else(|| {
-            self.slots.push(Slot::default());
-            self.slots.len() - 1
-        });
-        let slot = &mut self.slots[at];
-        slot.values.clear();
-        slot.values.extend_from_slice(row.values);
-        slot.disturbed.clear();
-        slot.disturbed.extend_from_slice(row.disturbed);
-        slot.id = id;
-        slot.uses = 0;
-        at
-    }
-
-    /// Whether row number `at` is in flight and has the width that `width` gives for its stream.
-    pub(super) fn holds(&self, at: usize, width: impl Fn(StreamId) -> Option<usize>) -> bool {
-        let slot = self.slots.get(at).filter(|slot| slot.uses > 0);
-        slot.is_some_and(|slot| width(slot.id.stream) == Some(slot.values.len()))
-    }
-
-    pub(super) fn get(&self, at: usize) -> &Slot {
-        &self.slots[at]
-    }
-
-    pub(super) fn hold(&mut self, at: usize) {
-        self.slots[at].uses += 1;
-    }
-
-    pub(super) fn release(&mut self, at: usize) {
-        self.slots[at].uses -= 1;
-        self.free_unused(at);
-    }
-
-    /// Frees a row that no consumer holds.
-    pub(super) fn free_unused(&mut self, at: usize) {
-        if self.slots[at].uses == 0 {
-            self.free.push(at);
         }
     }
 }

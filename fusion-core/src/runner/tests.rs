@@ -6,7 +6,7 @@ use crate::filter::{Backend, Filter, Verdict};
 use crate::gate::{Gate, Mode, Nis, OnlyWith, Open, Recovery};
 use crate::loss::Quadratic;
 use crate::model::{Measurement, Process, Size, Undefined};
-use crate::state::{Dynamics, LayoutBuilder, Scalar, View};
+use crate::state::{Dynamics, LayoutBuilder, Scalar, Slot, View};
 use crate::time::{Time, nanos};
 use std::sync::Arc;
 
@@ -40,6 +40,16 @@ fn gate(gated: bool) -> Box<dyn Gate> {
 
 /// Sensors of one random walk, each a port with the number of its leader, gated where `gated`.
 fn runner(sensors: &[(Port, Option<usize>, bool)], widths: &[usize], buffer: f64) -> Runner {
+    runner_with(sensors, widths, buffer, |_, x| Arc::new(Direct(x)))
+}
+
+/// The same with the `model` of each sensor, by its number.
+fn runner_with(
+    sensors: &[(Port, Option<usize>, bool)],
+    widths: &[usize],
+    buffer: f64,
+    model: impl Fn(usize, Slot<Scalar>) -> Arc<dyn Measurement>,
+) -> Runner {
     let mut b = LayoutBuilder::new();
     let x = declare::<Scalar>(&mut b, "x", 0.0, &[1.0], Dynamics::RandomWalk { psd: vec![0.01] });
     let process: Arc<dyn Process> = Arc::new(Still);
@@ -51,7 +61,7 @@ fn runner(sensors: &[(Port, Option<usize>, bool)], widths: &[usize], buffer: f64
     for (i, (port, only_with, gated)) in sensors.iter().enumerate() {
         runner.add_sensor(Sensor {
             name: i.to_string(),
-            model: Arc::new(Direct(x)),
+            model: model(i, x),
             port: port.clone(),
             offset: None,
             constant: Vec::new(),
@@ -235,8 +245,11 @@ impl Measurement for Nowhere {
 
 #[test]
 fn a_leader_that_could_not_be_used_takes_its_follower_with_it() {
-    let mut runner = runner(&[(port(0, 0, 0.0), None, false), (port(0, 0, 0.0), Some(0), false)], &[1], 0.0);
-    runner.sensors[0].model = Arc::new(Nowhere);
+    let ports = [(port(0, 0, 0.0), None, false), (port(0, 0, 0.0), Some(0), false)];
+    let mut runner = runner_with(&ports, &[1], 0.0, |sensor, x| match sensor {
+        0 => Arc::new(Nowhere),
+        _ => Arc::new(Direct(x)),
+    });
     let (outcomes, _) = fed(&mut runner, &[(0, second(0), vec![0.0]), (0, second(1), vec![0.0])]);
     let [leader, follower] = outcomes[..] else { panic!("{outcomes:?}") };
     assert_eq!(leader.verdict, Verdict::Undefined(Undefined("anywhere")));

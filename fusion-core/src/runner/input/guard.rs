@@ -10,8 +10,7 @@
 //! Frozen  all numbers are those of the sample before, more than ten times in a row, on a stream that
 //!         repeats itself rarely
 
-use super::Discard;
-use crate::model::Process;
+use crate::runner::Discard;
 
 /// A change is suspect above this many times the mean size of changes. Of Gaussian noise one change
 /// in 10⁵⁵ is; road shocks of a car stay below 12 (measured on recorded drives).
@@ -36,7 +35,9 @@ const MOST_SUSPECTS: usize = 2;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Guard {
     /// The largest magnitude per number; empty if nothing is declared.
-    pub(super) range: Vec<f64>,
+    range: Vec<f64>,
+    /// The change per number that the vehicle can make between two samples.
+    agility: Vec<f64>,
     /// The latest sample that passed.
     passed: Vec<f64>,
     /// Mean size of the changes, per number, and how many there were.
@@ -51,11 +52,11 @@ pub(super) struct Guard {
     /// Samples in a row that repeat the one before.
     repeats: u32,
 }
-crate::memory!(Guard { passed, change, changes, column, jump, first, first_repeats, repeats; range });
+crate::memory!(Guard { passed, change, changes, column, jump, first, first_repeats, repeats; range, agility });
 
 /// The decision about a sample, or about the waiting samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Judged {
+pub(crate) enum Judged {
     /// It passes.
     Passes,
     /// It waits for the next sample.
@@ -67,6 +68,19 @@ pub(super) enum Judged {
 }
 
 impl Guard {
+    /// A guard of samples whose numbers the vehicle can change by `agility` from one to the next.
+    pub(super) fn new(agility: &[f64]) -> Self {
+        Self {
+            agility: agility.to_vec(),
+            ..Self::default()
+        }
+    }
+
+    /// Sets the largest magnitude per number.
+    pub(super) fn limit(&mut self, range: Vec<f64>) {
+        self.range = range;
+    }
+
     /// Rejects a sample that the instrument cannot have measured.
     pub(super) fn admit(&mut self, sample: &[f64]) -> Result<(), Discard> {
         let too_large = sample.iter().zip(&self.range).position(|(x, limit)| x.abs() > *limit);
@@ -79,9 +93,9 @@ impl Guard {
 
     /// Judges a sample of finite numbers while `waiting` samples wait, of a stream with one sample every `interval`
     /// nanoseconds.
-    pub(super) fn judge(&mut self, sample: &[f64], waiting: usize, interval: i64, process: &dyn Process) -> Judged {
+    pub(super) fn judge(&mut self, sample: &[f64], waiting: usize, interval: i64) -> Judged {
         if waiting == 0 {
-            let unusual = self.unusual(sample, process.agility()).filter(|_| interval <= SLOWEST);
+            let unusual = self.unusual(sample).filter(|_| interval <= SLOWEST);
             let Some(column) = unusual else { return Judged::Passes };
             (self.column, self.jump) = (column, self.change(sample, column));
         } else if self.change(sample, self.column) < 0.5 * self.jump {
@@ -116,10 +130,10 @@ impl Guard {
     }
 
     /// Whether a future sample would pass at present; the sample is not remembered.
-    pub(super) fn is_plausible(&self, sample: &[f64], process: &dyn Process) -> bool {
+    pub(super) fn is_plausible(&self, sample: &[f64]) -> bool {
         let in_range = sample.iter().zip(&self.range).all(|(x, limit)| x.abs() <= *limit);
         let is_finite = sample.iter().all(|x| x.is_finite());
-        is_finite && in_range && self.unusual(sample, process.agility()).is_none()
+        is_finite && in_range && self.unusual(sample).is_none()
     }
 
     /// Forgets the samples: no later sample is their neighbour.
@@ -131,36 +145,35 @@ impl Guard {
     }
 
     /// The number with the largest excess over its limit.
-    fn unusual(&self, sample: &[f64], agility: &[f64]) -> Option<usize> {
+    fn unusual(&self, sample: &[f64]) -> Option<usize> {
         if self.changes < LEAST {
             return None;
         }
-        let limits = agility.iter().zip(&self.change).map(|(a, s)| limit(*a, *s));
+        let limits = self.agility.iter().zip(&self.change).map(|(a, s)| limit(*a, *s));
         let excess = limits.enumerate().map(|(c, limit)| (c, self.change(sample, c) / limit));
         let unusual = excess.filter(|(_, excess)| *excess > 1.0);
         unusual.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(c, _)| c)
     }
 
     /// A sample that is used.
-    pub(super) fn pass(&mut self, sample: &[f64], process: &dyn Process) {
-        self.learn(sample, process);
+    pub(super) fn pass(&mut self, sample: &[f64]) {
+        self.learn(sample);
         self.passed.clear();
         self.passed.extend_from_slice(sample);
     }
 
     /// Learns how much the samples change, from a sample that may be rejected.
-    pub(super) fn learn(&mut self, sample: &[f64], process: &dyn Process) {
+    pub(super) fn learn(&mut self, sample: &[f64]) {
         if self.passed.len() != sample.len() {
             self.change.resize(sample.len(), 0.0);
             return;
         }
         self.changes = (self.changes + 1.0).min(MEMORY);
         let is_known = self.changes > LEAST;
-        let agility = process.agility();
         let pairs = sample.iter().zip(&self.passed);
         for (c, (mean, (x, p))) in self.change.iter_mut().zip(pairs).enumerate() {
             let change = (x - p).abs();
-            let most = agility.get(c).filter(|_| is_known).map_or(change, |a| limit(*a, *mean));
+            let most = self.agility.get(c).filter(|_| is_known).map_or(change, |a| limit(*a, *mean));
             *mean += (change.min(most) - *mean) / self.changes;
         }
     }

@@ -15,13 +15,13 @@
 //! Rows stay in the log, and snapshots in their ring, until the settled runner has passed them: until then a row may
 //! still come that is valid there. Their memory is used again.
 
-use super::quarantine::{Admission, Quarantine};
-use super::rows::Row;
-use super::{Event, Halt, Observer, Runner, StreamId};
+use super::Runner;
 use crate::math;
 use crate::memory::{Memory, Tape, recall, save};
+use crate::runner::queue::{Admission, Quarantine};
+use crate::runner::rows::Copied;
+use crate::runner::{Event, Halt, Observer, Row};
 use crate::time::{Time, nanos};
-use core::ops::Range;
 use std::collections::VecDeque;
 
 /// How often a runner went back, and the data that it keeps for this.
@@ -55,7 +55,7 @@ pub struct RewindNeeds {
 /// The part of a runner that uses rows as they arrive.
 #[derive(Debug)]
 pub(super) struct Rewind {
-    pub(super) live: Runner,
+    live: Runner,
     /// Time between two snapshots \[ns\].
     spacing: i64,
     quarantine: Quarantine,
@@ -84,42 +84,14 @@ struct Logged {
     arrival: Time,
     /// The row came too late for consumers for which it is valid earlier than this.
     from: Time,
-    stream: StreamId,
-    time: Time,
-    values: Vec<f64>,
-    number: u64,
-    disturbed: Vec<Range<usize>>,
+    row: Copied,
 }
-crate::memory!(Logged {
-    first,
-    arrival,
-    from,
-    stream,
-    time,
-    values,
-    number,
-    disturbed
-});
+crate::memory!(Logged { first, arrival, from, row });
 
 impl Logged {
-    fn take(&mut self, row: &Row<'_>, first: Time, arrival: Time, from: Time) {
-        (self.first, self.arrival, self.from) = (first, arrival, from);
-        (self.stream, self.time, self.number) = (row.stream, row.time, row.number);
-        self.values.clear();
-        self.values.extend_from_slice(row.values);
-        self.disturbed.clear();
-        self.disturbed.extend_from_slice(row.disturbed);
-    }
-
-    fn row(&self) -> Row<'_> {
-        Row {
-            stream: self.stream,
-            time: self.time,
-            values: &self.values,
-            number: self.number,
-            disturbed: &self.disturbed,
-            arrival: None,
-        }
+    /// Gives the row to the live runner.
+    fn give(&self, live: &mut Runner) -> Result<(), Halt> {
+        live.give(&self.row.row(), self.arrival, self.from, &mut nobody)
     }
 }
 
@@ -151,7 +123,8 @@ impl Log {
     fn put(&mut self, row: &Row<'_>, first: Time, arrival: Time, from: Time) -> u64 {
         let at = self.rows.partition_point(|logged| logged.first <= first);
         let mut logged = self.spare.pop().unwrap_or_default();
-        logged.take(row, first, arrival, from);
+        (logged.first, logged.arrival, logged.from) = (first, arrival, from);
+        logged.row.take(row);
         self.rows.insert(at, logged);
         self.start + at as u64
     }
@@ -216,8 +189,8 @@ impl Ring {
         snapshot.bytes.clear();
         save(live, &mut snapshot.bytes);
         snapshot.fed = log.fed;
-        snapshot.released = live.released;
-        snapshot.reach = log.reach().max(live.released).max(live.seen);
+        snapshot.released = live.queue().released();
+        snapshot.reach = log.reach().max(live.queue().reached());
         self.snapshots.push_back(snapshot);
     }
 
@@ -229,104 +202,58 @@ impl Ring {
     }
 }
 
-impl Runner {
-    /// Makes this runner use rows as they arrive from now on. It holds them back by `horizon` seconds more and
-    /// reports the final events. `live` uses them at once, and returns to a snapshot for a row that is valid earlier;
-    /// there is a snapshot every `spacing` seconds. `live` needs the same parts as this runner, and both must have
-    /// seen no row.
-    pub fn rewind(&mut self, mut live: Self, horizon: f64, spacing: f64) {
-        live.is_live = true;
-        live.hold_back();
-        self.buffer += nanos(horizon);
-        self.hold_back();
-        self.rewind = Some(Box::new(Rewind {
-            quarantine: self.quarantine.clone(),
+impl Rewind {
+    /// Lets `live` use rows as they arrive, with a snapshot every `spacing` seconds.
+    pub(super) fn new(live: Runner, spacing: f64, quarantine: Quarantine) -> Self {
+        Self {
             live,
             spacing: nanos(spacing),
+            quarantine,
             log: Log::default(),
             ring: Ring::default(),
             told: Time::MIN,
             tally: Tally::default(),
-        }));
-    }
-
-    /// The runner with the newest belief: the live runner if rows are used as they arrive.
-    #[must_use]
-    pub fn newest(&self) -> &Self {
-        self.rewind.as_ref().map_or(self, |rewind| &rewind.live)
-    }
-
-    /// The live runner, which needs the same parts as this runner.
-    pub fn live_mut(&mut self) -> Option<&mut Self> {
-        self.rewind.as_mut().map(|rewind| &mut rewind.live)
-    }
-
-    /// The runner with the newest belief, for predictions.
-    pub(super) fn newest_mut(&mut self) -> &mut Self {
-        match self.rewind {
-            Some(ref mut rewind) => &mut rewind.live,
-            None => self,
         }
     }
 
-    /// The most resources that going back needs, if rows are used as they arrive.
-    pub fn rewind_needs(&mut self) -> Option<RewindNeeds> {
-        let deepest = self.lag();
-        let rewind = self.rewind.as_mut()?;
+    pub(super) const fn live(&self) -> &Runner {
+        &self.live
+    }
+
+    pub(super) const fn live_mut(&mut self) -> &mut Runner {
+        &mut self.live
+    }
+
+    /// The most resources that it needs, if the settled runner holds rows back by `deepest` seconds.
+    pub(super) fn needs(&mut self, deepest: f64) -> RewindNeeds {
         let mut bytes = Vec::new();
-        save(&mut rewind.live, &mut bytes);
-        let spacing = rewind.spacing as f64 * 1e-9;
-        Some(RewindNeeds {
+        save(&mut self.live, &mut bytes);
+        let spacing = self.spacing as f64 * 1e-9;
+        RewindNeeds {
             deepest,
             replay: deepest + spacing,
             // One snapshot before the oldest row that may come, and the snapshot being taken.
             snapshots: math::ceil(deepest / spacing) as usize + 2,
             snapshot_bytes: bytes.len(),
-        })
+        }
     }
 
-    /// How often it went back, if rows are used as they arrive.
-    #[must_use]
-    pub fn rewinds(&self) -> Option<Rewinds> {
-        let rewind = self.rewind.as_ref()?;
-        let row = |r: &Logged| size_of::<Logged>() + 8 * r.values.len();
-        let snapshots = &rewind.ring.snapshots;
-        Some(Rewinds {
-            count: rewind.tally.count,
-            rows: rewind.tally.rows,
-            most: rewind.tally.most,
+    /// How often it went back.
+    pub(super) fn count(&self) -> Rewinds {
+        let row = |r: &Logged| size_of::<Logged>() + 8 * r.row.row().values.len();
+        let snapshots = &self.ring.snapshots;
+        Rewinds {
+            count: self.tally.count,
+            rows: self.tally.rows,
+            most: self.tally.most,
             snapshots: snapshots.len(),
-            bytes: snapshots.iter().map(|s| s.bytes.len()).sum::<usize>() + rewind.log.rows.iter().map(row).sum::<usize>(),
-        })
+            bytes: snapshots.iter().map(|s| s.bytes.len()).sum::<usize>() + self.log.rows.iter().map(row).sum::<usize>(),
+        }
     }
 
-    /// The earliest time at which a consumer finds `row` valid, not before `from`; `None` if there is no such
-    /// consumer.
-    fn first_validity(&self, row: &Row<'_>, from: Time) -> Option<Time> {
-        let mut first: Option<Time> = None;
-        self.each_validity(row, |time, _| {
-            if time >= from {
-                first = Some(first.map_or(time, |first| first.min(time)));
-            }
-        });
-        first
-    }
-
-    /// Whether anything that comes after `row` has been used, or looked at.
-    fn has_passed(&self, row: &Row<'_>, from: Time) -> bool {
-        let mut has_passed = false;
-        self.each_validity(row, |time, consumer| {
-            let is_behind = (time, consumer) < (self.released, self.serving) || time <= self.seen;
-            has_passed |= time >= from && is_behind;
-        });
-        has_passed
-    }
-}
-
-impl Rewind {
     /// Takes a row. The settled runner had reached the time `from` before it, and has reached `settled` now.
     pub(super) fn feed(&mut self, row: &Row<'_>, from: Time, settled: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
-        let admission = self.quarantine.admit(row, self.live.watermark);
+        let admission = self.quarantine.admit(row, self.live.queue().watermark());
         if admission != Admission::Wait {
             while let Some(held) = self.quarantine.release() {
                 if admission == Admission::Confirms {
@@ -346,14 +273,14 @@ impl Rewind {
 
     /// Uses the remaining rows: the end of the log.
     pub(super) fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
-        self.live.watched(&mut nobody, |live, watch| live.take_end(watch))?;
+        self.live.take_end(&mut nobody)?;
         self.tell(observer)
     }
 
     /// Reports the newest estimate, once.
     fn tell(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
-        let belief = self.live.estimator.belief();
-        if !self.live.started || belief.time <= self.told.max(self.live.start_after) {
+        let belief = self.live.belief();
+        if belief.time <= self.told || !self.live.scheduler().has_started_before(belief.time) {
             return Ok(());
         }
         self.told = belief.time;
@@ -364,12 +291,13 @@ impl Rewind {
         if self.ring.snapshots.is_empty() {
             self.ring.take(&mut self.live, &self.log);
         }
-        self.live.watermark = self.live.watermark.max(row.time);
-        let Some(first) = self.live.first_validity(row, from) else {
+        self.live.note(row.time);
+        let queue = self.live.queue();
+        let Some(first) = queue.first_validity(row, from) else {
             return self.go_on();
         };
-        let number = self.log.put(row, first, self.live.watermark, from);
-        if self.live.has_passed(row, from) {
+        let number = self.log.put(row, first, queue.watermark(), from);
+        if queue.has_passed(row, from) {
             self.ring.drop_newest(|snapshot| snapshot.reach >= first);
             self.go_back();
         } else {
@@ -379,7 +307,7 @@ impl Rewind {
                 self.log.fed += 1;
                 let Self { live, log, .. } = self;
                 if let Some(logged) = log.get(number) {
-                    give(live, logged)?;
+                    logged.give(live)?;
                 }
             }
         }
@@ -389,10 +317,10 @@ impl Rewind {
     /// Back to the newest snapshot.
     fn go_back(&mut self) {
         let Some(snapshot) = self.ring.snapshots.back() else { return };
-        let watermark = self.live.watermark;
+        let watermark = self.live.queue().watermark();
         // The live runner wrote these bytes itself.
         let _ = recall(&mut self.live, &snapshot.bytes);
-        self.live.watermark = watermark;
+        self.live.note(watermark);
         let again = self.log.fed.saturating_sub(snapshot.fed);
         self.log.fed = snapshot.fed;
         self.tally.count += 1;
@@ -406,17 +334,17 @@ impl Rewind {
         let Self {
             live, log, ring, spacing, ..
         } = self;
-        let end = live.watermark.shifted(-live.lag);
+        let end = live.queue().watermark().shifted(-live.queue().lag());
         loop {
             let next = log.get(log.fed);
-            let before = next.map_or(Time::MAX, |row| row.first.shifted(-live.foresight - 1));
-            live.watched(&mut nobody, |live, watch| live.drain(before.min(end), watch))?;
-            let is_due = |last: &Snapshot| live.released > last.released.shifted(*spacing);
+            let before = next.map_or(Time::MAX, |row| row.first.shifted(-live.queue().foresight() - 1));
+            live.serve(before.min(end), &mut nobody)?;
+            let is_due = |last: &Snapshot| live.queue().released() > last.released.shifted(*spacing);
             if ring.snapshots.back().is_some_and(is_due) {
                 ring.take(live, log);
             }
             let Some(next) = next else { return Ok(()) };
-            give(live, next)?;
+            next.give(live)?;
             log.fed += 1;
         }
     }
@@ -436,11 +364,3 @@ impl Rewind {
 
 /// Ignores all events: the settled runner reports them, once.
 fn nobody(_: &Event<'_>) {}
-
-/// Gives a row to the live runner.
-fn give(live: &mut Runner, logged: &Logged) -> Result<(), Halt> {
-    live.watched(&mut nobody, |live, watch| {
-        watch.beat(logged.stream, logged.time);
-        live.enqueue(&logged.row(), logged.arrival, logged.from, watch)
-    })
-}

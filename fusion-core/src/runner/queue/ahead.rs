@@ -5,13 +5,12 @@
 //! used earlier anyway. Without input they would wait for ever. So if such rows span more time than one sample of the
 //! input covers, and no input comes, they do not count as ahead, and the process coasts.
 
-use super::StreamId;
-use super::rows::Row;
+use crate::runner::{Row, StreamId};
 use crate::time::Time;
 
 /// How far the input is, and which rows are ahead of it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Ahead {
+pub(crate) struct Ahead {
     /// The latest stamp of the input.
     input: Option<Time>,
     /// Rows since then that are ahead.
@@ -32,7 +31,7 @@ crate::memory!(Stretch { stream, first, latest });
 impl Ahead {
     /// Takes a row of the input, whose samples each cover at most `longest` \[ns\]. If it shows that an earlier row
     /// was further ahead than that, returns the stream of that row and the difference \[s\].
-    pub(super) fn input(&mut self, row: &Row<'_>, longest: i64) -> Option<(StreamId, f64)> {
+    pub(crate) fn input(&mut self, row: &Row<'_>, longest: i64) -> Option<(StreamId, f64)> {
         if self.input.is_some_and(|latest| row.time <= latest) {
             return None;
         }
@@ -42,7 +41,7 @@ impl Ahead {
     }
 
     /// Takes a row of another stream.
-    pub(super) fn other(&mut self, row: &Row<'_>) {
+    pub(crate) fn other(&mut self, row: &Row<'_>) {
         if self.input.is_some_and(|input| row.time > input) {
             let since = self.since.get_or_insert(Stretch {
                 stream: row.stream,
@@ -54,7 +53,7 @@ impl Ahead {
     }
 
     /// The stamp up to which rows do not wait for the input.
-    pub(super) fn reach(&self, longest: i64) -> Time {
+    pub(crate) fn reach(&self, longest: i64) -> Time {
         let is_silent = |since: &Stretch| since.latest > since.first.shifted(longest);
         match (self.input, self.since.filter(is_silent)) {
             (None, _) => Time::MAX,

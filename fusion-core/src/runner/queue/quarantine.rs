@@ -5,10 +5,10 @@
 //! several streams have rows, two of them must have jumped, or one must continue for as long as a row may be ahead.
 //! The end of the log discards waiting rows.
 
-use super::rows::Row;
 use crate::memory::{Memory, Tape};
+use crate::runner::Row;
+use crate::runner::rows::Copied;
 use crate::time::{Time, nanos};
-use core::ops::Range;
 use std::collections::VecDeque;
 
 /// Successive rows whose stamps are wrong, at most.
@@ -16,7 +16,7 @@ const LONGEST_RUN: usize = 20;
 
 /// Holds back rows whose stamps are far ahead of all others.
 #[derive(Clone, Debug)]
-pub(super) struct Quarantine {
+pub(crate) struct Quarantine {
     /// How far ahead a row may be \[ns\].
     longest: i64,
     /// The longest recent interval between rows \[ns\].
@@ -27,8 +27,8 @@ pub(super) struct Quarantine {
     stream: Option<usize>,
     are_several: bool,
     /// In order of arrival.
-    held: VecDeque<Held>,
-    spare: Vec<Held>,
+    held: VecDeque<Copied>,
+    spare: Vec<Copied>,
 }
 
 impl Memory for Quarantine {
@@ -41,39 +41,9 @@ impl Memory for Quarantine {
     }
 }
 
-/// A row that is held back.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Held {
-    stream: usize,
-    time: Time,
-    values: Vec<f64>,
-    number: u64,
-    disturbed: Vec<Range<usize>>,
-}
-crate::memory!(Held {
-    stream,
-    time,
-    values,
-    number,
-    disturbed
-});
-
-impl Held {
-    pub(super) fn row(&self) -> Row<'_> {
-        Row {
-            stream: self.stream,
-            time: self.time,
-            values: &self.values,
-            number: self.number,
-            disturbed: &self.disturbed,
-            arrival: None,
-        }
-    }
-}
-
 /// How to treat a row, and before it the waiting rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Admission {
+pub(crate) enum Admission {
     /// The row is used; waiting rows are discarded.
     Use,
     /// The row waits together with any other waiting rows.
@@ -86,7 +56,7 @@ pub(super) enum Admission {
 
 impl Quarantine {
     /// A quarantine for rows more than `longest` seconds ahead; infinite switches it off.
-    pub(super) fn new(longest: f64) -> Self {
+    pub(crate) fn new(longest: f64) -> Self {
         Self {
             longest: nanos(longest),
             usual: 0,
@@ -105,7 +75,7 @@ impl Quarantine {
     }
 
     /// Whether a row is in doubt, the latest stamp of the others being `now`.
-    pub(super) fn doubts(&self, row: &Row<'_>, now: Time) -> bool {
+    pub(crate) fn doubts(&self, row: &Row<'_>, now: Time) -> bool {
         let passed = self.passed(row).unwrap_or(0);
         now != Time::MIN && row.time.nanos().saturating_sub(now.nanos()) > self.limit().saturating_add(passed)
     }
@@ -116,7 +86,7 @@ impl Quarantine {
     }
 
     /// Judges a row by the latest stamp of the others, `now`.
-    pub(super) fn admit(&mut self, row: &Row<'_>, now: Time) -> Admission {
+    pub(crate) fn admit(&mut self, row: &Row<'_>, now: Time) -> Admission {
         if !self.doubts(row, now) {
             self.are_several |= *self.stream.get_or_insert(row.stream) != row.stream;
             if now != Time::MIN {
@@ -127,13 +97,13 @@ impl Quarantine {
             return Admission::Use;
         }
         let limit = self.limit().unsigned_abs();
-        let is_apart = |held: &Held| row.time.nanos().abs_diff(held.time.nanos()) > limit;
+        let is_apart = |held: &Copied| row.time.nanos().abs_diff(held.row().time.nanos()) > limit;
         if self.held.back().is_some_and(is_apart) {
             return Admission::Replaces;
         }
         match self.held.front() {
             Some(first) if self.goes_on(row, first) => {
-                self.usual = first.time.nanos().saturating_sub(now.nanos());
+                self.usual = first.row().time.nanos().saturating_sub(now.nanos());
                 self.arrived = row.arrival;
                 Admission::Confirms
             }
@@ -142,30 +112,26 @@ impl Quarantine {
     }
 
     /// Whether the waiting rows and `row` are too many for a fault of the stamps.
-    fn goes_on(&self, row: &Row<'_>, first: &Held) -> bool {
-        let has_lasted = || row.time.nanos().saturating_sub(first.time.nanos()) > self.limit();
-        let others = || self.held.iter().any(|held| held.stream != row.stream);
+    fn goes_on(&self, row: &Row<'_>, first: &Copied) -> bool {
+        let has_lasted = || row.time.nanos().saturating_sub(first.row().time.nanos()) > self.limit();
+        let others = || self.held.iter().any(|held| held.row().stream != row.stream);
         self.held.len() >= LONGEST_RUN && (!self.are_several || has_lasted() || others())
     }
 
     /// Holds a row back.
-    pub(super) fn hold(&mut self, row: &Row<'_>) {
+    pub(crate) fn hold(&mut self, row: &Row<'_>) {
         let mut held = self.spare.pop().unwrap_or_default();
-        (held.stream, held.time, held.number) = (row.stream, row.time, row.number);
-        held.values.clear();
-        held.values.extend_from_slice(row.values);
-        held.disturbed.clear();
-        held.disturbed.extend_from_slice(row.disturbed);
+        held.take(row);
         self.held.push_back(held);
     }
 
     /// Removes and returns the first waiting row.
-    pub(super) fn release(&mut self) -> Option<Held> {
+    pub(crate) fn release(&mut self) -> Option<Copied> {
         self.held.pop_front()
     }
 
     /// Takes the memory of a row that has been released.
-    pub(super) fn give_back(&mut self, held: Held) {
+    pub(crate) fn give_back(&mut self, held: Copied) {
         self.spare.push(held);
     }
 }

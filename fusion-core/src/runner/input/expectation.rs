@@ -7,8 +7,6 @@
 //!            forecast is optimal for a random walk under white noise. The choice of α by its errors: Brown 1963,
 //!            Smoothing, forecasting and prediction of discrete time series
 
-use super::Runner;
-use super::intake::Sample;
 use crate::model::Input;
 use crate::time::Time;
 use core::ops::Range;
@@ -79,7 +77,7 @@ crate::memory!(Expectation {
 
 impl Expectation {
     /// Takes the new current sample, and keeps the expected values of its `rates`.
-    fn take(&mut self, end: Time, input: &Input<'_>, rates: &Range<usize>) {
+    pub(super) fn take(&mut self, end: Time, input: &Input<'_>, rates: &Range<usize>) {
         if self.count > 0.0 && end <= self.end {
             return;
         }
@@ -126,13 +124,6 @@ impl Expectation {
             sample: &self.sample,
             interval: self.interval,
         })
-    }
-}
-
-impl Runner {
-    /// Notes a new current sample.
-    pub(super) fn expect(&mut self, sample: &Sample) {
-        self.expectation.take(sample.end, &sample.input(), &self.process.rates());
     }
 }
 

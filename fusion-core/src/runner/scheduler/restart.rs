@@ -7,12 +7,10 @@
 //! The filter does not give up if an initialiser reads no stream: the declared values hold for the
 //! beginning of a run, not later.
 
-use super::ordering::Runner;
-use super::{Event, Halt, Observer};
 use crate::belief::Belief;
 use crate::health::State;
 use crate::memory::{Memory, Tape};
-use crate::time::{Time, nanos};
+use crate::time::Time;
 
 /// The interval between two noted beliefs \[ns\]: a contradiction is reported sooner.
 const SPACING: i64 = 10_000_000_000;
@@ -21,7 +19,7 @@ const SPACING: i64 = 10_000_000_000;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Restart {
     /// How long the filter may be lost \[ns\]; `None`: for ever.
-    after: Option<i64>,
+    pub(super) after: Option<i64>,
     since: Option<Time>,
     /// Beliefs in good health, the older belief first; meaningful once noted.
     good: Option<[Belief; 2]>,
@@ -50,8 +48,24 @@ impl Restart {
         }
     }
 
-    /// The belief from which the calibration is kept; `None` if too few beliefs were noted.
-    fn take(&mut self) -> Option<Belief> {
+    /// Follows the health of a filter with this belief. Returns since when it has been lost, if that is too long.
+    pub(super) fn follow(&mut self, state: State, belief: &Belief) -> Option<Time> {
+        if state != State::Lost {
+            self.since = None;
+            if state == State::Good {
+                self.note(belief);
+            }
+            return None;
+        }
+        let since = *self.since.get_or_insert(belief.time);
+        let lost = belief.time.nanos().saturating_sub(since.nanos());
+        self.after.filter(|after| lost >= *after).map(|_| since)
+    }
+
+    /// The belief from which the calibration is kept; `None` if too few beliefs were noted. The filter is not lost any
+    /// more.
+    pub(super) fn take(&mut self) -> Option<Belief> {
+        self.since = None;
         let noted = core::mem::take(&mut self.noted);
         let [older, _] = self.good.as_ref().filter(|_| noted > 1)?;
         Some(older.clone())
@@ -77,41 +91,4 @@ pub(super) fn copy(from: &Belief, to: &mut Belief) {
     to.time = from.time;
     to.x.copy_from_slice(&from.x);
     to.covariance.copy_from(&from.covariance);
-}
-
-impl Runner {
-    /// If the filter has been lost for `seconds`, it starts anew by its initialisers, provided that all of them read
-    /// streams.
-    pub fn restart_lost(&mut self, seconds: f64) {
-        self.restart.after = Some(nanos(seconds));
-    }
-
-    /// Gives up a filter that has been lost for too long.
-    pub(super) fn follow_health(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
-        let Some(after) = self.restart.after.filter(|_| self.started) else {
-            return Ok(());
-        };
-        let Some(state) = observer.health() else { return Ok(()) };
-        let now = self.estimator.belief().time;
-        if state != State::Lost {
-            self.restart.since = None;
-            if state == State::Good {
-                self.restart.note(self.estimator.belief());
-            }
-            return Ok(());
-        }
-        let since = *self.restart.since.get_or_insert(now);
-        let can_start = !self.initialisers.is_empty() && self.initialisers.iter().all(|u| !u.inputs.is_empty());
-        if !can_start || now.nanos().saturating_sub(since.nanos()) < after {
-            return Ok(());
-        }
-        self.tell_epoch(observer)?;
-        while let Some(waiting) = self.waiting.pop_front() {
-            self.discard_early(waiting, observer)?;
-        }
-        self.begin_again();
-        self.last = self.restart.take();
-        self.restart.since = None;
-        observer.on(&Event::GaveUp { since, time: now })
-    }
 }
