@@ -1,20 +1,69 @@
-//! The result of a run.
+//! The sections of a run that need no event: what is known at the start or at the end is enough.
 
 use super::Finding;
-use crate::health::FilterHealth;
-use crate::observe::{ConsumerCounts, Excess, FinalState, Hypotheses, RunSection, SensorStatistics, Wait};
+use crate::design::{Design, of_a_sensor};
+use crate::observe::{Keyed, Listed, RunEnd, Section, Summary};
 use crate::provenance::Provenance;
 use crate::rows::SourceStatistics;
 use crate::score::Score;
 use fusion_core::runner::Tested;
 use fusion_models::sim::Record;
 use serde::Serialize;
+use std::sync::LazyLock;
 
-/// The smallest share of the log before the start that is reported. With uniform errors, one twentieth changes an RMS
-/// by 2.5 % at most.
-const LATE: f64 = 0.05;
-/// A wait too short to report: levelling takes about one second of any log \[s\].
-const BRIEF: f64 = 2.0;
+/// What was run.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Identity {
+    /// The description in the design.
+    pub description: String,
+    /// The provenance of the run.
+    pub provenance: Provenance,
+}
+
+impl Identity {
+    /// The identity of the run that ends.
+    pub(super) fn of(end: &RunEnd<'_>) -> Self {
+        Self {
+            description: end.design.run.description.clone(),
+            provenance: Provenance::of(end.design, end.seed),
+        }
+    }
+}
+
+impl Section for Identity {
+    const NAME: &'static str = "identity";
+
+    fn keys(&self) -> Vec<Keyed<'_>> {
+        vec![("description", &self.description), ("provenance", &self.provenance)]
+    }
+}
+
+/// How the filter computes.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Computation {
+    /// The backend: chart, update, form.
+    pub backend: String,
+    /// The instruction set used; another instruction set rounds differently.
+    pub kernel: &'static str,
+}
+
+impl Computation {
+    /// The computation of a design.
+    pub(super) fn of(design: &Design) -> Self {
+        Self {
+            backend: design.filter.backend_name(),
+            kernel: design.filter.kernel.unwrap_or_default().name(),
+        }
+    }
+}
+
+impl Section for Computation {
+    const NAME: &'static str = "computation";
+
+    fn keys(&self) -> Vec<Keyed<'_>> {
+        vec![("backend", &self.backend), ("kernel", &self.kernel)]
+    }
+}
 
 /// The test results of a detector stage.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -41,25 +90,36 @@ impl From<(String, Tested)> for Detector {
     }
 }
 
-/// The score of a filter inside a stage. Its sensors and parameters are listed with those of the other filters.
-#[derive(Clone, Debug, Serialize)]
-pub struct InsideScore {
-    /// The stage's name, after those of the stages around it, with dots.
-    pub filter: String,
-    /// Its score against the reference.
-    pub score: Score,
+impl Listed for Detector {
+    const NAME: &'static str = "detectors";
 }
 
-/// The estimates smoothed with later data.
-#[derive(Clone, Debug, Serialize)]
-pub struct Smoothed {
-    /// Lag: data up to this time after an estimate were used \[s\]; `None` for the whole log.
-    pub lag: Option<f64>,
-    /// Number of smoothed estimates: those with a row in smoothed.csv, and those around an epoch of the
-    /// reference.
-    pub estimates: u64,
-    /// Their score against the reference.
-    pub score: Option<Score>,
+/// Whether the reference is independent of the sensors.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct JudgedBy {
+    /// The source of a sensor, if other rows of it are the reference: both then have the same slow errors.
+    pub source: Option<String>,
+    /// True if the filter uses rows of the reference: the errors then only show how closely it follows these rows.
+    pub used_rows: bool,
+}
+
+impl JudgedBy {
+    /// The judge of a design.
+    pub(super) fn of(design: &Design) -> Self {
+        let judge = of_a_sensor(design);
+        Self {
+            source: judge.map(|(source, _)| source.to_owned()),
+            used_rows: judge.is_some_and(|(_, is_used)| is_used),
+        }
+    }
+}
+
+impl Section for JudgedBy {
+    const NAME: &'static str = "judge";
+
+    fn keys(&self) -> Vec<Keyed<'_>> {
+        vec![("judged_by", &self.source), ("judged_by_used_rows", &self.used_rows)]
+    }
 }
 
 /// The estimates as known at the time, for a filter that uses rows as they arrive.
@@ -79,106 +139,110 @@ pub struct Current {
     pub memory: usize,
 }
 
-/// A stretch of time in which a declared fault is at work.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FaultWindow {
-    /// The source or simulated stream.
-    pub stream: String,
-    /// The name of the fault.
-    pub fault: String,
-    /// Its beginning \[s\].
-    pub from: f64,
-    /// Its end \[s\], or the end of the run.
-    pub to: f64,
+impl Current {
+    /// The current estimates of the run that ends; `None` if its filter does not go back.
+    pub(super) fn of(end: &RunEnd<'_>) -> Option<Self> {
+        let rewinds = end.assembly.runner.rewinds()?;
+        Some(Self {
+            score: end.current.as_ref().and_then(Summary::score).cloned(),
+            rewinds: rewinds.count,
+            rows_again: rewinds.rows,
+            most_rows_again: rewinds.most,
+            longest_seconds: end.timing.longest(),
+            memory: rewinds.bytes,
+        })
+    }
 }
 
-/// The result of a run.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Summary {
-    /// The description in the design.
-    pub description: String,
-    /// The provenance of the run.
-    pub provenance: Provenance,
-    /// The findings, most important first.
-    pub findings: Vec<Finding>,
-    /// The backend: chart, update, form.
-    pub backend: String,
-    /// The instruction set used; another instruction set rounds differently.
-    pub kernel: &'static str,
-    /// The self-reported health of the filters: first the outermost filter, then the filters inside stages.
-    pub health: Vec<FilterHealth>,
-    /// When the filter started \[s\]; `None` if it never did.
-    pub started: Option<f64>,
-    /// The part of the log before the first start, and the causes of the wait; `None` if the filter never started.
-    pub waited: Option<Wait>,
-    /// The attitude or angle with the largest 1σ at the start, and this 1σ \[rad\].
-    pub start_angle: Option<(String, f64)>,
-    /// The inputs that the filter was still waiting for at the end.
-    pub waiting: Vec<(String, String)>,
-    /// The test results of the detector stages.
-    pub detectors: Vec<Detector>,
-    /// Time for which rows are held back, so that late rows are used in order of time \[s\]. The estimate on the
-    /// vehicle is this old. 0 if rows are used as they arrive.
-    pub held_back: f64,
-    /// Estimates made.
-    pub epochs: u64,
-    /// Samples of the process input that were rejected: spikes, out of range, frozen, not finite, or stamped far
-    /// ahead.
-    pub refused_samples: u64,
-    /// How long the filter coasted without process input \[s\].
-    pub coasted: f64,
-    /// The statistics of the hypotheses of a bank; `None` without a bank.
-    pub hypotheses: Option<Hypotheses>,
-    /// The source of a sensor, if other rows of it are the reference: both then have the same slow errors.
-    pub judged_by: Option<String>,
-    /// True if the filter uses rows of the reference: the errors then only show how closely it follows these rows.
-    pub judged_by_used_rows: bool,
-    /// Score against the reference.
-    pub score: Option<Score>,
-    /// The same for smoothed estimates, if requested.
-    pub smoothed: Option<Smoothed>,
-    /// The estimates as known at the time, for a design that uses rows as they arrive; the other figures
-    /// include later rows.
-    pub current: Option<Current>,
-    /// Scores of the filters inside stages.
-    pub inside: Vec<InsideScore>,
-    /// When declared faults were active, ordered by their beginnings; faults that are always active are left out.
-    pub faults: Vec<FaultWindow>,
-    /// How well a controlled vehicle was steered; `None` without a controlled vehicle.
-    pub control: Option<Record>,
-    /// Per sensor.
-    pub sensors: Vec<SensorStatistics>,
-    /// For each sensor: of all stretches with innovations larger than chance allows, the stretch in which a
-    /// calibration moved farthest.
-    pub excesses: Vec<Excess>,
-    /// Per source.
-    pub sources: Vec<SourceStatistics>,
-    /// Estimated parameters at the end.
-    pub parameters: Vec<FinalState>,
-    /// The outcome of every row, by consumer.
-    pub consumers: Vec<ConsumerCounts>,
-    /// Rows that came too late or had no number, by consumer.
-    pub unused_rows: Vec<(String, u64)>,
-    /// Input samples that were taken for spikes; `consumers` has them too, except for one of many runs.
-    #[serde(skip)]
-    pub spikes: u64,
-    /// The sections that observers of other crates made.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub sections: Vec<RunSection>,
-    /// The first ten failures of the estimator.
-    pub failures: Vec<String>,
-    /// The number of further failures.
-    pub further_failures: u64,
+impl Section for Current {
+    const NAME: &'static str = "current";
+}
+
+impl Section for Record {
+    const NAME: &'static str = "control";
+}
+
+impl Listed for SourceStatistics {
+    const NAME: &'static str = "sources";
+}
+
+/// The time that a run takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Effort {
     /// Wall time of the whole run \[s\].
     pub wall_seconds: f64,
     /// Time in the filter alone, per estimate \[ns\].
     pub filter_ns_per_epoch: f64,
 }
 
+impl Section for Effort {
+    const NAME: &'static str = "effort";
+
+    fn keys(&self) -> Vec<Keyed<'_>> {
+        vec![
+            ("wall_seconds", &self.wall_seconds),
+            ("filter_ns_per_epoch", &self.filter_ns_per_epoch),
+        ]
+    }
+}
+
+/// The sections of a run by name. Those with observers are next to their observers.
 impl Summary {
-    /// The wait for the start, if it takes so large a share of the log that the figures do not describe the whole log.
+    /// What was run.
     #[must_use]
-    pub fn late_start(&self) -> Option<&Wait> {
-        self.waited.as_ref().filter(|wait| wait.share() > LATE && wait.seconds > BRIEF)
+    pub fn identity(&self) -> &Identity {
+        static NONE: LazyLock<Identity> = LazyLock::new(Identity::default);
+        self.get().unwrap_or(&NONE)
+    }
+
+    /// The findings, most important first.
+    #[must_use]
+    pub fn findings(&self) -> &[Finding] {
+        self.list()
+    }
+
+    /// How the filter computes.
+    #[must_use]
+    pub fn computation(&self) -> &Computation {
+        static NONE: LazyLock<Computation> = LazyLock::new(Computation::default);
+        self.get().unwrap_or(&NONE)
+    }
+
+    /// The test results of the detector stages.
+    #[must_use]
+    pub fn detectors(&self) -> &[Detector] {
+        self.list()
+    }
+
+    /// Whether the reference is independent of the sensors.
+    #[must_use]
+    pub fn judge(&self) -> &JudgedBy {
+        static NONE: LazyLock<JudgedBy> = LazyLock::new(JudgedBy::default);
+        self.get().unwrap_or(&NONE)
+    }
+
+    /// The estimates as known at the time, for a design that uses rows as they arrive; the other sections include
+    /// later rows.
+    #[must_use]
+    pub fn current(&self) -> Option<&Current> {
+        self.get()
+    }
+
+    /// How well a controlled vehicle was steered; `None` without a controlled vehicle.
+    #[must_use]
+    pub fn control(&self) -> Option<&Record> {
+        self.get()
+    }
+
+    /// The sources.
+    #[must_use]
+    pub fn sources(&self) -> &[SourceStatistics] {
+        self.list()
+    }
+
+    /// The time that the run took.
+    #[must_use]
+    pub fn effort(&self) -> Effort {
+        self.get().copied().unwrap_or_default()
     }
 }
