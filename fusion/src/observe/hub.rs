@@ -83,7 +83,7 @@ impl<'a> Hub<'a> {
     }
 
     /// Adds an observer that makes a section.
-    pub fn add_section(&mut self, observer: Box<dyn SectionObserver + 'a>) {
+    pub(crate) fn add_section(&mut self, observer: Box<dyn SectionObserver + 'a>) {
         self.observers.of_sections.push(observer);
     }
 
@@ -119,12 +119,16 @@ impl<'a> Hub<'a> {
     /// The sections of all observers at the end of a run.
     ///
     /// # Errors
-    /// The first error of an observer.
-    pub fn sections(mut self, end: &RunEnd<'_>) -> Result<Summary, Halt> {
+    /// The first error of an observer, or two sections with the same key.
+    pub(crate) fn sections(mut self, end: &RunEnd<'_>) -> Result<Summary, Halt> {
         let observers = core::mem::take(&mut self.observers.of_sections);
         let mut summary = Summary::default();
         for observer in observers {
-            summary.put(observer.finish(end)?);
+            let section = observer.finish(end)?;
+            if let Some(key) = summary.has_key_of(&section) {
+                return Err(format!("two observers make the section `{key}`").into());
+            }
+            summary.put(section);
         }
         Ok(summary)
     }
@@ -132,8 +136,8 @@ impl<'a> Hub<'a> {
     /// The result of a run that has come to its `end`. Before any section is made, observers share their figures.
     ///
     /// # Errors
-    /// The first error of an observer.
-    pub fn result(mut self, mut end: RunEnd<'_>) -> Result<Summary, Halt> {
+    /// The first error of an observer, or two sections with the same key.
+    pub(crate) fn result(mut self, mut end: RunEnd<'_>) -> Result<Summary, Halt> {
         end.waited = core::mem::take(&mut self.waiting).finish();
         self.observers
             .of_sections

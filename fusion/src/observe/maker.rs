@@ -15,7 +15,7 @@ use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::Halt;
 use fusion_core::time::Time;
 
-/// What is known at the start of a run.
+/// The facts that are known at the start of a run.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct RunStart<'a> {
@@ -74,7 +74,7 @@ pub struct Shared {
     pub started: Option<f64>,
 }
 
-/// What is known at the end of a run.
+/// The facts that are known at the end of a run.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct RunEnd<'a> {
@@ -126,8 +126,8 @@ pub trait SectionObserver: RunObserver {
     fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<Entry, Halt>;
 }
 
-/// Makes the observer of a section. At the start of a run, every maker of a linked crate is called, but not in the runs
-/// of a campaign.
+/// Makes the observer of a section. At the start of a run, every maker of a linked crate is called. In a campaign no
+/// maker is called.
 ///
 /// The section may be a table, as here, or any type that is a [`Section`](super::Section).
 ///
@@ -172,7 +172,7 @@ pub(crate) fn linked(start: &RunStart<'_>) -> Vec<Box<dyn SectionObserver>> {
     all.into_iter().filter_map(|maker| (maker.make)(start)).collect()
 }
 
-/// Makes a section of what is known at the end. It needs no event.
+/// Makes a section at the end, without events.
 pub(crate) struct AtEnd<F>(F);
 
 /// The observer of a section that needs no event.
@@ -180,7 +180,7 @@ pub(crate) fn at_end<'a, E: Into<Entry> + 'a>(make: impl FnOnce(&RunEnd<'_>) -> 
     Box::new(AtEnd(make))
 }
 
-/// `observer`, or this section if there is no observer.
+/// Returns `observer`. Without one, returns an observer that makes `section`.
 pub(crate) fn made_or<'a>(observer: Option<impl SectionObserver + 'a>, section: impl Into<Entry> + 'a) -> Box<dyn SectionObserver + 'a> {
     match observer {
         Some(observer) => Box::new(observer),

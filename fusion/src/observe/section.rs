@@ -20,7 +20,7 @@ pub struct RunSection {
 
 impl Section for RunSection {
     const NAME: &'static str = "sections";
-    const IS_LISTED: bool = true;
+    const MAY_REPEAT: bool = true;
 
     fn shown(&self) -> Option<RunSection> {
         Some(self.clone())

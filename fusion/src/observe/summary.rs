@@ -33,10 +33,11 @@ pub type Keyed<'a> = (&'static str, &'a dyn Value);
 /// # Ok::<(), serde_json::Error>(())
 /// ```
 pub trait Section: Serialize + Debug + Send + Sync + 'static {
-    /// Its name, `snake_case`: no other section of the run has it. It is the key in summary.json.
+    /// Its name, `snake_case`, which is the key in summary.json. A run stops with an error if two observers make sections
+    /// with the same key.
     const NAME: &'static str;
     /// True if several observers may make such a section. The key in summary.json then has the list of them.
-    const IS_LISTED: bool = false;
+    const MAY_REPEAT: bool = false;
 
     /// Its keys in summary.json, if each part of the section has its own key.
     fn keys(&self) -> Vec<Keyed<'_>>
@@ -83,7 +84,7 @@ impl<T: Section> AnySection for T {
 #[derive(Clone, Debug)]
 pub struct Entry {
     name: &'static str,
-    is_listed: bool,
+    may_repeat: bool,
     section: Option<Arc<dyn AnySection>>,
 }
 
@@ -91,7 +92,7 @@ impl<T: Section> From<Option<T>> for Entry {
     fn from(section: Option<T>) -> Self {
         Self {
             name: T::NAME,
-            is_listed: T::IS_LISTED,
+            may_repeat: T::MAY_REPEAT,
             section: section.map(|section| Arc::new(section) as Arc<dyn AnySection>),
         }
     }
@@ -100,6 +101,16 @@ impl<T: Section> From<Option<T>> for Entry {
 impl<T: Section> From<T> for Entry {
     fn from(section: T) -> Self {
         Some(section).into()
+    }
+}
+
+impl Entry {
+    /// Its keys in summary.json.
+    fn keys(&self) -> Vec<&'static str> {
+        match &self.section {
+            Some(section) if !self.may_repeat => section.keys().into_iter().map(|(key, _)| key).collect(),
+            _ => vec![self.name],
+        }
     }
 }
 
@@ -132,9 +143,16 @@ impl Summary {
     pub fn put(&mut self, section: impl Into<Entry>) {
         let entry = section.into();
         match self.0.iter_mut().find(|known| known.name == entry.name) {
-            Some(known) if !entry.is_listed => *known = entry,
+            Some(known) if !entry.may_repeat => *known = entry,
             _ => self.0.push(entry),
         }
+    }
+
+    /// A key of `entry` that a section already has.
+    pub(crate) fn has_key_of(&self, entry: &Entry) -> Option<&'static str> {
+        let known = self.0.iter().filter(|known| !(known.may_repeat && known.name == entry.name));
+        let taken: Vec<&str> = known.flat_map(Entry::keys).collect();
+        entry.keys().into_iter().find(|key| taken.contains(key))
     }
 
     /// The tables that sections make for readers.
@@ -154,7 +172,7 @@ impl Serialize for Summary {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
         for (k, entry) in self.0.iter().enumerate() {
-            if entry.is_listed {
+            if entry.may_repeat {
                 let is_first = self.0[..k].iter().all(|earlier| earlier.name != entry.name);
                 if is_first {
                     map.serialize_entry(entry.name, &self.values(entry.name))?;
@@ -230,6 +248,11 @@ mod tests {
         let written = serde_json::to_string(&summary).unwrap();
         let rest = format!(r#""sections":[{one},{two}],"first":1,"second":null,"parts":[3,4]}}"#);
         assert_eq!(written, format!(r#"{{"count":null,{rest}"#));
+        // A key is taken, also by a section without content, but tables may repeat.
+        let key_of = |entry: Entry| summary.has_key_of(&entry);
+        assert_eq!(key_of(None::<Count>.into()), Some("count"));
+        assert_eq!(key_of(Pair { a: 0, b: None }.into()), Some("first"));
+        assert_eq!(key_of(table("three").into()), None);
         // A later section of the same name takes the place of the earlier one.
         let counted = serde_json::to_string(&summary.with(Count(7))).unwrap();
         assert_eq!(counted, format!(r#"{{"count":7,{rest}"#));

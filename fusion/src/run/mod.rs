@@ -8,8 +8,8 @@ mod observers;
 mod recorded;
 mod reference;
 mod saving;
+mod sections;
 mod smoothing;
-mod summary;
 
 pub use crate::observe::{Counts, Failures, FinalState, InsideScore, Smoothed, Start, Summary, UnusedRows};
 pub use crate::rows::SourceStatistics;
@@ -18,7 +18,7 @@ pub use faults::FaultWindow;
 pub use files::Finished;
 pub use recorded::open_one;
 pub use saving::Checkpoints;
-pub use summary::{Computation, Current, Detector, Effort, Identity, JudgedBy};
+pub use sections::{Computation, Current, Detector, Effort, Identity, JudgedBy};
 
 use crate::assembly::{Assembly, assemble, declared_streams};
 use crate::config::{Diagnostic, Diagnostics, Node};

@@ -2,8 +2,8 @@
 
 use super::faults::{fault_windows, outages};
 use super::files::{Files, thinning};
+use super::sections::{Computation, Current, Detector, Identity, JudgedBy};
 use super::smoothing::Planned;
-use super::summary::{Computation, Current, Detector, Identity, JudgedBy};
 use super::{Finding, Run};
 use crate::config::Diagnostics;
 use crate::health::HealthRecord;
@@ -78,7 +78,6 @@ impl Run<'_> {
             outages: &outages,
             rules: &rules,
         };
-        let scored = filters.outermost().and_then(|filter| start.score_without_outages(filter));
         let smoother = match planned {
             None => None,
             Some(planned) => {
@@ -100,7 +99,8 @@ impl Run<'_> {
         files.updates.iter_mut().for_each(|file| hub.add(file));
         if self.assembly.runner.rewinds().is_some() {
             let mut current = Hub::new(filters, comparison.as_ref());
-            scored.into_iter().for_each(|score| current.add_section(Box::new(score)));
+            let score = filters.outermost().and_then(|filter| start.score_without_outages(filter));
+            score.into_iter().for_each(|score| current.add_section(Box::new(score)));
             files.current.iter_mut().for_each(|file| current.add(file));
             hub.add_current(current);
         }

@@ -1,4 +1,4 @@
-//! The sections of a run that need no event: what is known at the start or at the end is enough.
+//! The sections of a run that need no event. They are made at the end.
 
 use super::Finding;
 use crate::design::{Design, of_a_sensor};
@@ -11,7 +11,7 @@ use fusion_models::sim::Record;
 use serde::Serialize;
 use std::sync::LazyLock;
 
-/// What was run.
+/// The identity of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Identity {
     /// The description in the design.
@@ -188,7 +188,7 @@ impl Section for Effort {
 
 /// The sections of a run by name. Those with observers are next to their observers.
 impl Summary {
-    /// What was run.
+    /// The identity of the run.
     #[must_use]
     pub fn identity(&self) -> &Identity {
         static NONE: LazyLock<Identity> = LazyLock::new(Identity::default);
