@@ -102,12 +102,12 @@ fn benches(c: &mut Criterion) {
     let epochs = feed(&design, &rows);
     let summary = run(&design, &options, &mut |_| {}).unwrap();
     // The same rows must give the same epochs. The estimate must be within 3 m, as in the test of this log.
-    assert_eq!(summary.epochs, epochs);
-    assert!(summary.score.is_some_and(|s| s.horizontal_rms < 3.0));
+    assert_eq!(summary.counts().epochs, epochs);
+    assert!(summary.score().is_some_and(|s| s.horizontal_rms < 3.0));
     let mut group = c.benchmark_group("scenario/pntos");
     group.throughput(Throughput::Elements(epochs));
     group.bench_function("filter", |b| b.iter(|| feed(&design, &rows)));
-    group.bench_function("run", |b| b.iter(|| run(&design, &options, &mut |_| {}).unwrap().epochs));
+    group.bench_function("run", |b| b.iter(|| run(&design, &options, &mut |_| {}).unwrap().counts().epochs));
     group.finish();
 }
 

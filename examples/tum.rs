@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(output)?;
     write(&output.join("estimate.tum"), pairs.iter().map(|p| (p.time.seconds(), p.estimate)))?;
     write(&output.join("reference.tum"), pairs.iter().map(|p| (p.time.seconds(), p.reference)))?;
-    let found = finished.summary.score.map(|score| score.trajectory);
+    let found = finished.summary.score().map(|score| &score.trajectory);
     writeln!(std::io::stdout(), "{}", serde_json::to_string_pretty(&found)?)?;
     Ok(())
 }

@@ -558,8 +558,8 @@ fn memory_of(laps: u32) -> i64 {
         let run = Run::open(&design, &options).unwrap_or_else(|d| panic!("{d}"));
         let mut recording = Recording::of(&design, run.assembly());
         let finished = run.go(&mut [&mut recording], &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
-        assert_eq!(finished.summary.epochs, u64::from(4000 * laps));
-        let epochs = finished.summary.score.as_ref().map(|score| score.epochs);
+        assert_eq!(finished.summary.counts().epochs, u64::from(4000 * laps));
+        let epochs = finished.summary.score().map(|score| score.epochs);
         assert!(epochs.is_some_and(|epochs| epochs > 3999 * laps as usize));
     })
 }

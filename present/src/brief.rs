@@ -19,14 +19,14 @@ impl Shown<'_, Summary> {
     #[must_use]
     pub fn brief(&self) -> Page {
         Page {
-            title: self.description.clone(),
-            provenance: self.provenance.clone(),
+            title: self.identity().description.clone(),
+            provenance: self.identity().provenance.clone(),
             warnings: self.warnings(),
-            sections: [self.verdict(), self.look_next(FINDINGS), health::section(&self.health)]
+            sections: [self.verdict(), self.look_next(FINDINGS), health::section(self.health())]
                 .into_iter()
-                .chain(control::section(self.control.as_ref()))
+                .chain(control::section(self.control()))
                 .chain([self.sensors_in_short()])
-                .chain(crate::section::all(&self.sections))
+                .chain(crate::section::all(self))
                 .collect(),
         }
     }
@@ -35,7 +35,7 @@ impl Shown<'_, Summary> {
     #[must_use]
     pub fn verdict(&self) -> Section {
         let mut t = Table::list();
-        for health in &self.health {
+        for health in self.health() {
             let name = match health.filter.as_str() {
                 "" => "health".to_owned(),
                 filter => format!("health of `{filter}`"),
@@ -45,24 +45,24 @@ impl Shown<'_, Summary> {
                 t.row(["".to_owned(), first]);
             }
         }
-        match (self.started, self.late_start()) {
+        match (self.start().started, self.late_start()) {
             (None, _) => t.row(["started", "never"]),
             (Some(at), Some(wait)) => t.row(["started", &format!("at {at:.1} s: {}", wait)]),
             _ => {}
         }
-        for (name, what) in &self.waiting {
+        for (name, what) in &self.start().waiting {
             t.row(["", &format!("`{name}` waits for {what}")]);
         }
-        let smoothed = self.smoothed.as_ref().and_then(|s| s.score.as_ref());
-        match &self.score {
+        let smoothed = self.smoothed().and_then(|s| s.score.as_ref());
+        match self.score() {
             Some(score) if score.epochs > 0 => {
                 errors(&mut t, "", score);
                 if let Some(line) = self.while_aligning(score) {
                     t.row(["", &line]);
                 }
                 smoothed.into_iter().for_each(|score| errors(&mut t, "smoothed ", score));
-                if let Some(source) = &self.judged_by {
-                    let by = if self.judged_by_used_rows {
+                if let Some(source) = &self.judge().source {
+                    let by = if self.judge().used_rows {
                         format!(
                             "rows of `{source}` that the filter uses: these figures say how closely it follows them, not how right it is \
                              (`keep` of the sources divides them)"
@@ -74,7 +74,7 @@ impl Shown<'_, Summary> {
                 }
             }
             Some(_) => t.row(["reference", "none of its epochs lies within the run"]),
-            None if self.started.is_some() => {
+            None if self.start().started.is_some() => {
                 t.row(["errors", "no reference: judged by innovations alone"]);
                 if let Some(line) = self.innovations_in_short() {
                     t.row(["NIS over expected", &line]);
@@ -87,7 +87,7 @@ impl Shown<'_, Summary> {
 
     /// A note if the largest heading error is from the time before the filter was aligned.
     fn while_aligning(&self, score: &Score) -> Option<String> {
-        let aligned = self.health.iter().find(|h| h.filter.is_empty())?.aligned?;
+        let aligned = self.health().iter().find(|h| h.filter.is_empty())?.aligned?;
         let (at, most) = score.attitude_deg.as_ref().map(|axes| (axes.max_time[2], axes.max[2]))?;
         (at < aligned).then(|| {
             format!(
@@ -102,26 +102,26 @@ impl Shown<'_, Summary> {
     #[must_use]
     pub fn look_next(&self, most: usize) -> Section {
         let mut section = Section::new("Look at next", []);
-        section.notes = self.findings.iter().take(most).map(|f| format!("- {f}. [{}]", f.rule)).collect();
-        if self.findings.len() > most {
-            section.notes.push(format!("… and {} more.", self.findings.len() - most));
+        section.notes = self.findings().iter().take(most).map(|f| format!("- {f}. [{}]", f.rule)).collect();
+        if self.findings().len() > most {
+            section.notes.push(format!("… and {} more.", self.findings().len() - most));
         }
         if section.notes.is_empty() { Section::default() } else { section }
     }
 
     /// `gnss 0.95, compass 1.1`.
     fn innovations_in_short(&self) -> Option<String> {
-        let nis = self.sensors.iter().filter_map(|s| Some((&s.name, s.nis.as_ref()?)));
+        let nis = self.sensors().iter().filter_map(|s| Some((&s.name, s.nis.as_ref()?)));
         let shown: Vec<String> = nis.map(|(name, c)| format!("`{name}` {}", short(c.over_expected()))).collect();
         (!shown.is_empty()).then(|| shown.join(", "))
     }
 
     /// Counts and NIS of each sensor.
     fn sensors_in_short(&self) -> Section {
-        let counts = counts(&self.sensors);
+        let counts = counts(self.sensors());
         let nis = Column::number("NIS over expected");
         let mut t = Table::new([Column::text("sensor")].into_iter().chain(count_columns(&counts)).chain([nis]));
-        for s in &self.sensors {
+        for s in self.sensors() {
             let cells = counts.iter().map(|(_, count)| Cell::count(count(s)));
             let nis = Cell::real(s.nis.as_ref().map(Consistency::over_expected));
             t.row([Cell::text(&s.name)].into_iter().chain(cells).chain([nis]));

@@ -15,7 +15,7 @@ use fusion_tables::{Cell, Column, Section, Table};
 /// sensor has its counts, NIS and innovations.
 #[must_use]
 pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
-    let drift = if runs.iter().any(|(_, s)| s.score.as_ref().is_some_and(|s| s.drift_rms.is_some())) {
+    let drift = if runs.iter().any(|(_, s)| s.score().is_some_and(|s| s.drift_rms.is_some())) {
         "; drift is the RMS over declared outages"
     } else {
         ""
@@ -37,7 +37,7 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
     });
     let attitude = of_score(attitude_columns(), attitude);
     let convergence = of_score(convergence_columns(), convergence);
-    let healths = runs.iter().filter_map(|(name, s)| Some((*name, s.health.first()?)));
+    let healths = runs.iter().filter_map(|(name, s)| Some((*name, s.health().first()?)));
     let mut sections = vec![
         Section::new(format!("Position against the reference{drift}"), position),
         Section::new("Length of the horizontal position error", horizontal),
@@ -63,14 +63,14 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
 
 /// Whether there was a reference to compare estimates with.
 fn is_scored(summary: &Summary) -> bool {
-    summary.score.as_ref().is_some_and(|s| s.epochs > 0)
+    summary.score().is_some_and(|s| s.epochs > 0)
 }
 
 /// The scores of the runs; that of its smoothed estimates follows that of a run.
 fn scores<'a>(runs: &[(&'a str, &'a Summary)]) -> impl Iterator<Item = (String, Option<&'a Score>)> {
     runs.iter().flat_map(|(name, summary)| {
-        let own = ((*name).to_owned(), summary.score.as_ref());
-        let smoothed = summary.smoothed.as_ref().map(|s| (format!("{name}, smoothed"), s.score.as_ref()));
+        let own = ((*name).to_owned(), summary.score());
+        let smoothed = summary.smoothed().map(|s| (format!("{name}, smoothed"), s.score.as_ref()));
         [own].into_iter().chain(smoothed)
     })
 }
@@ -161,10 +161,10 @@ fn convergence(score: &Score) -> Vec<Cell> {
 }
 
 fn measurements(runs: &[(&str, &Summary)]) -> Table {
-    let counts = counts(runs.iter().flat_map(|(_, s)| &s.sensors));
+    let counts = counts(runs.iter().flat_map(|(_, s)| s.sensors()));
     let mut t = Table::new([Column::text("run")].into_iter().chain(count_columns(&counts)));
     for (name, summary) in runs {
-        let cells = counts.iter().map(|(_, count)| sum(&summary.sensors, *count));
+        let cells = counts.iter().map(|(_, count)| sum(summary.sensors(), *count));
         t.row([Cell::text(*name)].into_iter().chain(cells));
     }
     t
@@ -173,7 +173,7 @@ fn measurements(runs: &[(&str, &Summary)]) -> Table {
 /// The outcomes of the measurements of each sensor, and how well its innovations fit their covariance.
 /// The runs of a sensor are next to each other.
 fn by_sensor(runs: &[(&str, &Summary)]) -> [Section; 2] {
-    let counts = counts(runs.iter().flat_map(|(_, s)| &s.sensors));
+    let counts = counts(runs.iter().flat_map(|(_, s)| s.sensors()));
     let columns = [Column::text("sensor"), Column::text("run")];
     let nis = [Column::number("NIS over expected"), Column::text("verdict")];
     let mut measured = Table::new(columns.into_iter().chain(count_columns(&counts)).chain(nis));
@@ -182,7 +182,7 @@ fn by_sensor(runs: &[(&str, &Summary)]) -> [Section; 2] {
     for name in sensor_names(runs) {
         let of_runs: Vec<(&str, &SensorStatistics)> = runs
             .iter()
-            .filter_map(|(run, s)| Some((*run, s.sensors.iter().find(|s| s.name == name)?)))
+            .filter_map(|(run, s)| Some((*run, s.sensors().iter().find(|s| s.name == name)?)))
             .collect();
         for (run, s) in &of_runs {
             let nis = s.nis.as_ref();
@@ -237,7 +237,7 @@ fn residuals(run: &str, s: &SensorStatistics) -> Vec<Residual> {
 /// The sensors of all runs, each once, in the order of their first mention.
 fn sensor_names<'a>(runs: &[(&str, &'a Summary)]) -> Vec<&'a str> {
     let mut names = Vec::new();
-    for sensor in runs.iter().flat_map(|(_, s)| &s.sensors) {
+    for sensor in runs.iter().flat_map(|(_, s)| s.sensors()) {
         if !names.contains(&sensor.name.as_str()) {
             names.push(sensor.name.as_str());
         }
@@ -247,7 +247,9 @@ fn sensor_names<'a>(runs: &[(&str, &'a Summary)]) -> Vec<&'a str> {
 
 fn consistency(runs: &[(&str, &Summary)]) -> Table {
     let nees = NEES.map(Column::number);
-    let backends = runs.windows(2).any(|w| w[0].1.backend != w[1].1.backend);
+    let backends = runs
+        .windows(2)
+        .any(|w| w[0].1.computation().backend != w[1].1.computation().backend);
     let mut t = Table::new(
         [Column::text("run")]
             .into_iter()
@@ -259,12 +261,16 @@ fn consistency(runs: &[(&str, &Summary)]) -> Table {
             let all = score.map(|s| [s.nees_position, s.nees_velocity, s.nees_attitude]);
             all.unwrap_or_default().map(|c| c.map_or(Cell::Empty, Cell::Judged))
         };
-        let own = [Cell::text(*name)].into_iter().chain(of(summary.score.as_ref()));
+        let own = [Cell::text(*name)].into_iter().chain(of(summary.score()));
         t.row(own.chain([
-            Cell::Fixed(summary.filter_ns_per_epoch, 0),
-            if backends { Cell::text(&summary.backend) } else { Cell::Empty },
+            Cell::Fixed(summary.effort().filter_ns_per_epoch, 0),
+            if backends {
+                Cell::text(&summary.computation().backend)
+            } else {
+                Cell::Empty
+            },
         ]));
-        if let Some(smoothed) = &summary.smoothed {
+        if let Some(smoothed) = summary.smoothed() {
             let name = Cell::text(format!("{name}, smoothed"));
             t.row([name].into_iter().chain(of(smoothed.score.as_ref())));
         }

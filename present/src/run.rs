@@ -37,22 +37,22 @@ impl Shown<'_, Summary> {
     #[must_use]
     pub fn page(&self) -> Page {
         Page {
-            title: self.description.clone(),
-            provenance: self.provenance.clone(),
+            title: self.identity().description.clone(),
+            provenance: self.identity().provenance.clone(),
             warnings: self.warnings(),
             sections: [
                 self.verdict(),
                 self.look_next(usize::MAX),
                 self.facts(),
-                health::whole(&self.health),
+                health::whole(self.health()),
                 self.data(),
             ]
             .into_iter()
             .chain(self.measurements())
-            .chain(control::section(self.control.as_ref()))
+            .chain(control::section(self.control()))
             .chain(self.errors())
             .chain([self.estimated()])
-            .chain(section::all(&self.sections))
+            .chain(section::all(self))
             .collect(),
         }
     }
@@ -61,22 +61,22 @@ impl Shown<'_, Summary> {
     #[must_use]
     pub fn facts(&self) -> Section {
         let mut t = Table::list();
-        t.row(["backend", &self.backend]);
-        match self.started {
+        t.row(["backend", &self.computation().backend]);
+        match self.start().started {
             Some(at) => t.row_in(Unit::of_si("s"), [Cell::text("started"), Cell::Fixed(at, 3)]),
             None => t.row(["started", "never"]),
         }
-        t.row([Cell::text("epochs"), Cell::Count(self.epochs)]);
-        if self.refused_samples > 0 {
-            t.row([Cell::text("input samples refused"), Cell::Count(self.refused_samples)]);
+        t.row([Cell::text("epochs"), Cell::Count(self.counts().epochs)]);
+        if self.counts().refused_samples > 0 {
+            t.row([Cell::text("input samples refused"), Cell::Count(self.counts().refused_samples)]);
         }
-        if self.coasted > 0.0 {
+        if self.counts().coasted > 0.0 {
             t.row_in(
                 Unit::of_si("s"),
-                [Cell::text("coasted without input"), Cell::Fixed(self.coasted, 3)],
+                [Cell::text("coasted without input"), Cell::Fixed(self.counts().coasted, 3)],
             );
         }
-        if let Some(bank) = &self.hypotheses {
+        if let Some(bank) = self.hypotheses() {
             let each = format!("{} at the end, {} at most", bank.count, bank.most);
             t.row(["hypotheses", &each]);
             t.row([Cell::text("probability of the one shown"), Cell::Ratio(bank.probability)]);
@@ -91,14 +91,14 @@ impl Shown<'_, Summary> {
             }
         }
         // Less than a millisecond is rounding of times.
-        if self.held_back > 1e-3 {
+        if self.counts().held_back > 1e-3 {
             let age = [
                 Cell::text("age of the estimate, for rows are held back"),
-                Cell::Fixed(self.held_back, 3),
+                Cell::Fixed(self.counts().held_back, 3),
             ];
             t.row_in(Unit::of_si("s"), age);
         }
-        if let Some(current) = &self.current {
+        if let Some(current) = self.current() {
             let Current {
                 rewinds,
                 rows_again,
@@ -119,8 +119,11 @@ impl Shown<'_, Summary> {
                 [Cell::text("kept to go back to"), Cell::Fixed(*memory as f64 * 1e-3, 0)],
             );
         }
-        t.row_in(Unit::of_si("s"), [Cell::text("time taken"), Cell::Fixed(self.wall_seconds, 2)]);
-        let per_epoch = [Cell::text("filter, per epoch"), Cell::Fixed(self.filter_ns_per_epoch, 0)];
+        t.row_in(
+            Unit::of_si("s"),
+            [Cell::text("time taken"), Cell::Fixed(self.effort().wall_seconds, 2)],
+        );
+        let per_epoch = [Cell::text("filter, per epoch"), Cell::Fixed(self.effort().filter_ns_per_epoch, 0)];
         t.row_in(Unit::shown("ns"), per_epoch);
         Section::new("Run", [t])
     }
@@ -139,7 +142,7 @@ impl Shown<'_, Summary> {
             Column::with_unit("at", seconds()),
         ]);
         let mut notes = Vec::new();
-        for s in &self.sources {
+        for s in self.sources() {
             let r = &s.report;
             let (at, gap) = r.longest_gap.unzip();
             t.row([
@@ -167,17 +170,17 @@ impl Shown<'_, Summary> {
     /// The outcomes of the measurements.
     #[must_use]
     pub fn measurements(&self) -> Vec<Section> {
-        let counts = counts(&self.sensors);
+        let counts = counts(self.sensors());
         let mut table = Table::new([Column::text("sensor")].into_iter().chain(count_columns(&counts)));
-        for s in &self.sensors {
+        for s in self.sensors() {
             let cells = counts.iter().map(|(_, count)| Cell::count(count(s)));
             table.row([Cell::text(&s.name)].into_iter().chain(cells));
         }
         vec![
             counted(Section::new("Sensors", [table]), &counts),
-            Section::new("Rows that were not used", [left_out(&self.consumers)]),
-            Section::new("Longest rejection streaks", [streaks(&self.sensors)]),
-            innovations_of(&self.sensors),
+            Section::new("Rows that were not used", [left_out(self.consumers())]),
+            Section::new("Longest rejection streaks", [streaks(self.sensors())]),
+            innovations_of(self.sensors()),
         ]
     }
 
@@ -185,10 +188,10 @@ impl Shown<'_, Summary> {
     #[must_use]
     pub fn errors(&self) -> Vec<Section> {
         let nis = self
-            .sensors
+            .sensors()
             .iter()
             .filter_map(|s| Some((format!("NIS {}", s.name), s.nis.as_ref()?)));
-        let own = self.score.iter();
+        let own = self.score().into_iter();
         let of_inside = |inside: &InsideScore| {
             let section = errors(&inside.score);
             Section {
@@ -196,17 +199,17 @@ impl Shown<'_, Summary> {
                 ..section
             }
         };
-        let nees_inside = self.inside.iter().flat_map(|i| nees(&i.score, format!(" {}.", i.filter)));
+        let nees_inside = self.inside().iter().flat_map(|i| nees(&i.score, format!(" {}.", i.filter)));
         let blocks = own.clone().flat_map(|score| &score.blocks).filter(|b| is_judged_as_block(b));
         let of_blocks = blocks.filter_map(|b| Some((format!("NEES {}", b.name), b.nees.as_ref()?)));
         let all_nees = own.clone().flat_map(|score| nees(score, " ".to_owned())).chain(nees_inside);
-        let smoothed = self.smoothed.as_ref().and_then(|s| Some((s, s.score.as_ref()?)));
+        let smoothed = self.smoothed().and_then(|s| Some((s, s.score.as_ref()?)));
         let nees_smoothed = smoothed.iter().flat_map(|(_, score)| nees(score, " ".to_owned()));
         let nees_smoothed = nees_smoothed.map(|(name, c)| (format!("{name}, smoothed"), c));
         let mut sections: Vec<Section> = own.clone().map(errors).collect();
-        sections.extend(self.current.iter().filter_map(|c| c.score.as_ref()).map(current_errors));
+        sections.extend(self.current().into_iter().filter_map(|c| c.score.as_ref()).map(current_errors));
         sections.extend(smoothed.map(|(how, score)| smoothed_errors(how, score)));
-        sections.extend(self.inside.iter().map(of_inside));
+        sections.extend(self.inside().iter().map(of_inside));
         sections.extend(own.clone().map(trajectory::section));
         sections.extend(own.clone().filter_map(|score| score.episodes.as_ref()).map(episodes));
         sections.extend(own.clone().map(parameters));
@@ -220,7 +223,7 @@ impl Shown<'_, Summary> {
     pub fn estimated(&self) -> Section {
         let mut t = Table::new([Column::text("parameter"), Column::number("value"), Column::number("1σ")]);
         let mut notes = Vec::new();
-        for state in &self.parameters {
+        for state in self.parameters() {
             for (k, (axis, value, sigma)) in axes(state).into_iter().enumerate() {
                 let name = format!("{} {axis}", state.name);
                 // About an axis that is not estimated only the turns about the others change the angle.
@@ -244,8 +247,9 @@ impl Shown<'_, Summary> {
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut all = Vec::new();
-        if self.started.is_none() {
+        if self.start().started.is_none() {
             let waits = self
+                .start()
                 .waiting
                 .iter()
                 .map(|(name, what)| format!("`{name}` waits for {what}"))
@@ -256,16 +260,16 @@ impl Shown<'_, Summary> {
                 waits => format!("the filter never started: {waits}"),
             });
         }
-        all.extend(health::warnings(&self.health));
-        for s in self.sources.iter().filter(|s| s.used == 0) {
+        all.extend(health::warnings(self.health()));
+        for s in self.sources().iter().filter(|s| s.used == 0) {
             all.push(format!("source `{}` delivered no rows ({} read)", s.name, s.rows));
         }
-        for s in self.sensors.iter().filter(|_| self.started.is_some()) {
+        for s in self.sensors().iter().filter(|_| self.start().started.is_some()) {
             let (good, bad) = (s.accepted + s.reacquired, s.rejected + s.unusable);
             if good + bad == 0 {
                 // A stage may have the name of the sensor that reads it.
-                let reads = |stage: &str| self.consumers.iter().any(|c| c.name == s.name && c.stream == stage);
-                let detector = self.detectors.iter().find(|d| reads(&d.stage));
+                let reads = |stage: &str| self.consumers().iter().any(|c| c.name == s.name && c.stream == stage);
+                let detector = self.detectors().iter().find(|d| reads(&d.stage));
                 let nearest = detector.and_then(|d| Some(format!(": of `{}` {}", d.stage, d.nearest.as_ref()?)));
                 let nearest = nearest.unwrap_or_default();
                 all.push(format!("sensor `{}` had no measurement after the start{nearest}", s.name));
@@ -273,10 +277,10 @@ impl Shown<'_, Summary> {
                 all.push(format!("sensor `{}`: {bad} of {} measurements were not used", s.name, good + bad));
             }
         }
-        all.extend(self.score.iter().flat_map(undefined));
-        let smoothed = self.smoothed.iter().filter_map(|s| s.score.as_ref());
+        all.extend(self.score().into_iter().flat_map(undefined));
+        let smoothed = self.smoothed().into_iter().filter_map(|s| s.score.as_ref());
         all.extend(smoothed.flat_map(undefined).map(|warning| format!("smoothed: {warning}")));
-        for (consumer, count) in &self.unused_rows {
+        for (consumer, count) in self.unused_rows() {
             let rows = if *count == 1 { "1 row was" } else { &format!("{count} rows were") };
             let (why, is_late) = self.why_unused(consumer);
             let help = if is_late {
@@ -286,9 +290,9 @@ impl Shown<'_, Summary> {
             };
             all.push(format!("`{consumer}`: {rows} {why}{help}"));
         }
-        all.extend(self.failures.iter().map(|f| format!("the estimator failed: {f}")));
-        if self.further_failures > 0 {
-            all.push(format!("the estimator failed {} times more", self.further_failures));
+        all.extend(self.failures().first.iter().map(|f| format!("the estimator failed: {f}")));
+        if self.failures().further > 0 {
+            all.push(format!("the estimator failed {} times more", self.failures().further));
         }
         all
     }
@@ -297,7 +301,7 @@ impl Shown<'_, Summary> {
 impl Shown<'_, Summary> {
     /// Why rows of a consumer were not used, and whether they may have been late.
     fn why_unused(&self, consumer: &str) -> (String, bool) {
-        let known = self.consumers.iter().filter(|c| c.name == consumer);
+        let known = self.consumers().iter().filter(|c| c.name == consumer);
         let reasons = known.flat_map(|c| {
             [
                 ("late", c.late),
@@ -687,15 +691,16 @@ fn smoothed_errors(how: &Smoothed, score: &Score) -> Section {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fusion::run::Start;
     use fusion::score::Consistency;
     use fusion_core::geometry::so3;
 
     #[test]
     fn a_run_that_never_started_says_what_it_waits_for() {
-        let summary = Summary {
+        let summary = Summary::default().with(Start {
             waiting: vec![("fix".to_owned(), "a position".to_owned())],
-            ..Summary::default()
-        };
+            ..Start::default()
+        });
         assert_eq!(Shown(&summary).warnings(), ["the filter never started: `fix` waits for a position"]);
         let text = Shown(&summary).to_string();
         let lines: Vec<&str> = text.lines().map(str::trim).collect();
@@ -722,10 +727,7 @@ mod tests {
             covariance: (Matrix3::<f64>::identity() * variance).as_slice().to_vec(),
             unit: "rad",
         };
-        let summary = Summary {
-            parameters: vec![state],
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(vec![state]);
         let section = Shown(&summary).estimated();
         let table = &section.tables[0];
         let shown: Vec<String> = table.rows().iter().map(|r| table.shown(r, 0) + " " + &table.shown(r, 1)).collect();
@@ -756,15 +758,12 @@ mod tests {
             independent: 9.0,
             band: (1.0, 5.0),
         };
-        let summary = Summary {
-            score: Some(Score {
-                epochs: 9,
-                position: Some(axes),
-                nees_position: Some(nan),
-                ..Score::default()
-            }),
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(Score {
+            epochs: 9,
+            position: Some(axes),
+            nees_position: Some(nan),
+            ..Score::default()
+        });
         let page = Shown(&summary).page();
         let forms = [
             text::page(&page, text::WIDTH),
@@ -790,10 +789,7 @@ mod tests {
             unit: "rad",
         };
         let shown = |start_sigma: Vec<f64>| {
-            let summary = Summary {
-                parameters: vec![mounting(start_sigma)],
-                ..Summary::default()
-            };
+            let summary = Summary::default().with(vec![mounting(start_sigma)]);
             let section = Shown(&summary).estimated();
             let is_fixed = format!("{section:?}").matches("not estimated").count();
             (is_fixed, section.notes.join(" "))

@@ -1,14 +1,14 @@
 //! Sections that observers of other crates made, as tables.
 
-use fusion::observe::{Figure, RunSection};
+use fusion::observe::{Figure, RunSection, Summary};
 use fusion_tables::{Cell, Column, Section, Table, Unit};
 
 /// The sections of a run.
-pub(crate) fn all(sections: &[RunSection]) -> impl Iterator<Item = Section> {
-    sections.iter().map(of)
+pub(crate) fn all(summary: &Summary) -> impl Iterator<Item = Section> {
+    summary.shown().map(of)
 }
 
-fn of(section: &RunSection) -> Section {
+fn of(section: RunSection) -> Section {
     let is_text = |k: usize| section.rows.iter().any(|row| matches!(row.get(k), Some(Figure::Text(_))));
     let columns = section.columns.iter().enumerate().map(|(k, column)| match column.unit.as_str() {
         _ if is_text(k) => Column::text(&column.name),
@@ -25,7 +25,7 @@ fn of(section: &RunSection) -> Section {
         }));
     }
     Section {
-        notes: section.notes.clone(),
+        notes: section.notes,
         ..Section::new(&section.title, [table])
     }
 }
@@ -53,7 +53,7 @@ mod tests {
             notes: vec!["Faster than a car.".to_owned()],
         };
         let page = fusion_tables::Page {
-            sections: all(&[section]).collect(),
+            sections: all(&Summary::default().with(section)).collect(),
             ..fusion_tables::Page::default()
         };
         let shown = text::page(&page, text::WIDTH);

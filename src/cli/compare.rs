@@ -139,7 +139,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         .flat_map(|(name, s)| Shown(*s).warnings().into_iter().map(move |w| format!("{name}: {w}")));
     let mut page = Page {
         title: title.clone(),
-        provenance: Provenance::common(named.iter().map(|(_, summary)| &summary.provenance)),
+        provenance: Provenance::common(named.iter().map(|(_, summary)| &summary.identity().provenance)),
         warnings: told
             .chain(other_references(results.iter().map(|(name, _)| name), &designs))
             .collect(),

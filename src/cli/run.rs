@@ -128,12 +128,9 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     };
     page.sections.push(match &args.out {
         Some(out) => {
-            let smoothed = summary.smoothed.as_ref().map(|_| "smoothed.csv");
+            let smoothed = summary.smoothed().map(|_| "smoothed.csv");
             let others = ["updates.csv", "summary.json", "report.html"];
-            let revised = summary
-                .current
-                .as_ref()
-                .map(|_| if args.causal { "revised.csv" } else { "current.csv" });
+            let revised = summary.current().map(|_| if args.causal { "revised.csv" } else { "current.csv" });
             let names = ["estimates.csv"].into_iter().chain(revised).chain(smoothed).chain(others);
             written(names.map(|f| out.join(f)))
         }
@@ -142,10 +139,10 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     if is_brief {
         page.sections.push(Section::new("", []).note("`--verbose` shows all tables."));
     }
-    let edits: Vec<Edit> = summary.findings.iter().flat_map(|finding| finding.edits.clone()).collect();
+    let edits: Vec<Edit> = summary.findings().iter().flat_map(|finding| finding.edits.clone()).collect();
     page.sections.extend(args.advice.fix.write(&args.design, &edits)?);
     args.output.print(&page)?;
-    let is_ill = summary.health.iter().any(|h| !h.is_good());
+    let is_ill = summary.health().iter().any(|h| !h.is_good());
     if args.strict && is_ill { Err(Failure::Health) } else { Ok(()) }
 }
 

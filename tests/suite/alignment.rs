@@ -16,7 +16,7 @@ fn a_gyrocompassed_heading_is_within_three_sigma() {
             ..Options::default()
         };
         let summary = run(&design, &options, &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
-        let yaw = summary.score.unwrap().attitude_deg.unwrap();
+        let yaw = summary.score().unwrap().attitude_deg.unwrap();
         let (error, sigma) = (yaw.mean[2], yaw.three_sigma[2] / 3.0);
         // The design predicts 0.036°.
         assert!(

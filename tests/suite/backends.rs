@@ -21,12 +21,12 @@ fn of(words: &str) -> Summary {
 /// Position errors that are known as well as those of the design's own backend.
 fn agrees(words: &str, wanted: &Summary) {
     let found = of(words);
-    let errors = |s: &Summary| s.score.as_ref().unwrap().position.unwrap().rms;
+    let errors = |s: &Summary| s.score().unwrap().position.unwrap().rms;
     for (found, wanted) in errors(&found).into_iter().zip(errors(wanted)) {
         // 1 %: the corrections of this design are small, where all backends are one filter to first order.
         assert!((found / wanted - 1.0).abs() < 0.01, "{words}: {found} m instead of {wanted} m");
     }
-    let used = |s: &Summary| s.sensors.iter().map(|s| s.accepted).sum::<u64>();
+    let used = |s: &Summary| s.sensors().iter().map(|s| s.accepted).sum::<u64>();
     // Two of thousands: a NIS near its threshold.
     assert!(used(&found).abs_diff(used(wanted)) <= 2, "{words}");
 }

@@ -35,13 +35,13 @@ fn each_beam_that_is_left_is_used_and_the_filter_knows_what_it_is_worth() {
             let summary = drive(beams, seed, &[]);
             for beam in 1..=4 {
                 let name = format!("dvl.beam_{beam}");
-                let sensor = summary.sensors.iter().find(|s| s.name == name).unwrap();
+                let sensor = summary.sensors().iter().find(|s| s.name == name).unwrap();
                 // The first beams: all measurements except one per mille, which the gate may reject. The other beams:
                 // none.
                 let used = sensor.accepted;
                 assert_eq!(beam <= beams, used > 500, "{name} of {beams}: {used}");
             }
-            let score = summary.score.unwrap();
+            let score = summary.score().unwrap();
             nees += score.nees_velocity.unwrap().mean / SEEDS as f64;
             squares += score.velocity.unwrap().rms.iter().map(|v| v * v).sum::<f64>() / SEEDS as f64;
         }
@@ -61,7 +61,7 @@ fn a_beam_that_sees_a_fish_is_rejected_alone() {
     let summary = drive(4, 1, &[fish]);
     let rejected = |beam: usize| {
         let name = format!("dvl.beam_{beam}");
-        summary.sensors.iter().find(|s| s.name == name).unwrap().rejected
+        summary.sensors().iter().find(|s| s.name == name).unwrap().rejected
     };
     // 40 measurements of the beam. Of some 500 of each other beam, one in a thousand is usual, more than three are not.
     assert!(

@@ -35,9 +35,9 @@ fn differ(at: &str, a: &Value, b: &Value, tolerance: f64) -> Option<String> {
 fn same_results(name: &str, of: impl Fn(&str) -> Summary) {
     let results = |form: &str| {
         let summary = of(&format!("filter.form=\"{form}\""));
-        assert!(summary.backend.ends_with(form), "{}", summary.backend);
-        let parameters: Vec<_> = summary.parameters.iter().map(|p| (&p.value, &p.sigma)).collect();
-        serde_json::to_value((&summary.score, &parameters, &summary.sensors)).unwrap()
+        assert!(summary.computation().backend.ends_with(form), "{}", summary.computation().backend);
+        let parameters: Vec<_> = summary.parameters().iter().map(|p| (&p.value, &p.sigma)).collect();
+        serde_json::to_value((summary.score(), &parameters, summary.sensors())).unwrap()
     };
     let joseph = results("joseph");
     // One log has no reference, and so no score; every one has sensors.
@@ -64,9 +64,9 @@ fn kernels_that_fuse_give_the_same_figures_and_the_portable_one_to_rounding() {
         let mut design = Design::read(Document::load(&file).unwrap()).unwrap();
         design.set_kernel(kernel);
         let summary = run(&design, &Options::default(), &mut |_| {}).unwrap();
-        assert_eq!(summary.kernel, kernel.name());
-        let parameters: Vec<_> = summary.parameters.iter().map(|p| (&p.value, &p.sigma)).collect();
-        serde_json::to_value((&summary.score, &parameters, &summary.sensors)).unwrap()
+        assert_eq!(summary.computation().kernel, kernel.name());
+        let parameters: Vec<_> = summary.parameters().iter().map(|p| (&p.value, &p.sigma)).collect();
+        serde_json::to_value((summary.score(), &parameters, summary.sensors())).unwrap()
     };
     let portable = results(Kernel::PORTABLE);
     let fused: Vec<_> = Kernel::here().filter(|k| *k != Kernel::PORTABLE).map(results).collect();

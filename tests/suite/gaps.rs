@@ -18,7 +18,7 @@ fn outage(stream: &str, from: f64, seconds: f64) -> String {
 }
 
 fn rejected(summary: &Summary) -> u64 {
-    summary.sensors.iter().map(|s| s.rejected).sum()
+    summary.sensors().iter().map(|s| s.rejected).sum()
 }
 
 /// Runs the car with `faults`. Its largest horizontal error is below `bound` \[m\], and fewer than 15 fixes are
@@ -26,7 +26,7 @@ fn rejected(summary: &Summary) -> u64 {
 fn car(faults: &[String], bound: f64) -> Summary {
     let sets: Vec<&str> = GATES.into_iter().chain(faults.iter().map(String::as_str)).collect();
     let summary = real("pntos-car", &[], &sets).unwrap();
-    let (max, rejected) = (summary.score.as_ref().unwrap().horizontal_max, rejected(&summary));
+    let (max, rejected) = (summary.score().unwrap().horizontal_max, rejected(&summary));
     eprintln!("{faults:?}: max {max:.2} m, {rejected} rejected");
     assert!(max <= bound && rejected < 15, "{faults:?}: {max} m, {rejected} rejected");
     summary
@@ -60,7 +60,7 @@ fn a_single_sample_of_any_size_costs_a_car_less_than_half_a_metre() {
     if !recorded() {
         return;
     }
-    let clean = car(&[], 3.0).score.unwrap().horizontal_max;
+    let clean = car(&[], 3.0).score().unwrap().horizontal_max;
     let spike = |channel: &str, at: f64, value: f64| {
         let window = format!(r#"{{ from = "{at} s", to = "{} s" }}"#, at + 0.011);
         format!(
@@ -142,14 +142,14 @@ fn drive(faults: &[String]) -> Summary {
 
 #[test]
 fn a_simulated_car_comes_through_gaps_on_a_straight_road_and_in_a_bend() {
-    let clean = drive(&[]).score.unwrap().horizontal_max;
+    let clean = drive(&[]).score().unwrap().horizontal_max;
     // It enters the bend at 41 s and leaves it at 46 s.
     for from in ["32 s", "42 s"] {
         for seconds in [1.0, 2.0, 5.0] {
             let gap =
                 format!(r#"simulation.imu.fault.gap={{ type = "outage", window = {{ from = "{from}", duration = "{seconds} s" }} }}"#);
             let summary = drive(&[gap]);
-            let (max, rejected) = (summary.score.as_ref().unwrap().horizontal_max, rejected(&summary));
+            let (max, rejected) = (summary.score().unwrap().horizontal_max, rejected(&summary));
             eprintln!("{from} {seconds} s: max {max:.2} m, {rejected} rejected");
             // Within the gap only GNSS holds the position: fixes of 1 m, and ½·3.3 m/s² of the bend over the second
             // between two of them. After 5 s in the gap the heading is 90° off, with a 1σ of 80°.
@@ -165,7 +165,7 @@ fn a_simulated_car_comes_through_gaps_on_a_straight_road_and_in_a_bend() {
 fn a_slow_unit_with_a_hole_in_a_bend_goes_on_turning() {
     let slow = r#"simulation.imu={ rate = "37 Hz", preset = "hg1700" }"#.to_owned();
     let hole = r#"simulation.imu.fault.gap={ type = "outage", window = { from = "43 s", duration = "0.29 s" } }"#.to_owned();
-    let heading = |faults: &[String]| drive(faults).score.unwrap().attitude_deg.unwrap().max[2];
+    let heading = |faults: &[String]| drive(faults).score().unwrap().attitude_deg.unwrap().max[2];
     let (clean, holed) = (heading(std::slice::from_ref(&slow)), heading(&[slow, hole]));
     eprintln!("heading: {clean:.2} deg, with the hole {holed:.2} deg");
     // The car turns by 19 deg/s: a heading that stays constant would be 5.5 deg off.
@@ -190,7 +190,7 @@ fn a_car_finds_its_heading_after_gaps_of_everything_that_it_measures() {
         let gaps = [outage("imu", from, seconds), outage("gnss", from, seconds)];
         let sets: Vec<&str> = gaps.iter().map(String::as_str).collect();
         let summary = real("rtklib-drive", &[], &sets).unwrap();
-        let health = &summary.health[0];
+        let health = &summary.health()[0];
         let after = from + seconds + 60.0;
         let late = health.transitions.iter().rfind(|t| t.time <= after).unwrap();
         eprintln!("{from} {seconds} s: {:?} a minute later", late.state);

@@ -75,7 +75,7 @@ fn watched(name: &str, variants: &[&str], sets: &[&str]) -> Option<(Vec<FilterHe
     let mut watch = Watch::default();
     let run = Run::open(&design, &options).unwrap_or_else(|d| panic!("{d}"));
     let ended = run.go(&mut [&mut watch], &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
-    Some((ended.keep().unwrap_or_else(|d| panic!("{d}")).health, watch))
+    Some((ended.keep().unwrap_or_else(|d| panic!("{d}")).health().to_vec(), watch))
 }
 
 #[test]

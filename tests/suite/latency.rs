@@ -13,7 +13,7 @@ const POSITION: &str = "sensor.gnss_position.time_offset";
 
 /// Value and 1σ of the parameter `name` at the end.
 fn end(summary: &Summary, name: &str) -> (f64, f64) {
-    let state = summary.parameters.iter().find(|s| s.name == name).unwrap();
+    let state = summary.parameters().iter().find(|s| s.name == name).unwrap();
     (state.value[0], state.sigma[0])
 }
 
@@ -60,7 +60,8 @@ fn the_latency_of_the_rtk_receiver_is_found_from_any_initial_value() {
 fn a_latency_and_a_position_that_are_unknown_cost_nothing_in_an_outage() {
     let window = "source.gnss.fault.outage.window={ from = \"420 s\", duration = \"60 s\", every = \"180 s\" }";
     let rms = |sets: &[&str]| {
-        let drift = real("pntos-car", &["outages"], sets)?.score.unwrap().drift;
+        let summary = real("pntos-car", &["outages"], sets)?;
+        let drift = &summary.score().unwrap().drift;
         let sum: f64 = drift.iter().map(|d| d.max_horizontal.powi(2)).sum();
         Some((sum / drift.len() as f64).sqrt())
     };

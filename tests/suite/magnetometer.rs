@@ -79,14 +79,14 @@ fn the_hard_iron_that_was_drawn_is_found() {
     for seed in 1..=3 {
         let set = format!("run.seed={seed}");
         let summary = run(&design(&[&set]), &Options::default(), &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
-        let score = summary.score.unwrap();
+        let score = summary.score().unwrap();
         let iron = score.blocks.iter().find(|block| block.name == "field.hard_iron").unwrap();
         for (error, sigma) in iron.error.iter().zip(&iron.sigma) {
             // From 5 uT to a fifth; the bound is 4σ of it.
             assert!(*sigma < 1e-6 && error.abs() < 4.0 * sigma, "{seed}: {iron:?}");
         }
         // The estimate differs from the declared value by more than its 1σ.
-        let found = summary.parameters.iter().find(|p| p.name == "field.hard_iron").unwrap();
+        let found = summary.parameters().iter().find(|p| p.name == "field.hard_iron").unwrap();
         assert!(
             found.value.iter().zip(&iron.sigma).any(|(value, sigma)| value.abs() > 3.0 * sigma),
             "{found:?}"
@@ -98,7 +98,7 @@ fn the_hard_iron_that_was_drawn_is_found() {
 fn the_strength_of_the_field_may_be_left_to_the_filter() {
     let sets = ["sensor.field.strength={ estimate = true, initial = '40 uT', sigma = '10 uT' }"];
     let summary = run(&design(&sets), &Options::default(), &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
-    let score = summary.score.unwrap();
+    let score = summary.score().unwrap();
     assert!(score.nees_attitude.unwrap().mean < 6.0, "{:?}", score.nees_attitude);
 }
 

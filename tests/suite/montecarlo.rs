@@ -46,10 +46,10 @@ fn what_runs_share_changes_no_bit_of_them() {
                 ..Options::default()
             };
             let alone = run(&design, &options, &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
-            let score = alone.score.unwrap();
+            let score = alone.score().unwrap();
             // Debug prints every digit.
             assert_eq!(format!("{:?}", score.blocks), format!("{:?}", row.blocks));
-            assert_eq!((score.position.unwrap().rms, alone.epochs), (row.rms, row.epochs));
+            assert_eq!((score.position.unwrap().rms, alone.counts().epochs), (row.rms, row.epochs));
         }
     }
 }

@@ -112,11 +112,11 @@ fn the_printed_filter_takes_all_its_rows_when_a_fix_comes() {
 #[test]
 fn range_and_angles_tell_the_position_and_the_speed_of_sound() {
     let summary = run(&design(&[], &["raw-usbl"]), &Options::default(), &mut |_| {}).unwrap();
-    let score = summary.score.unwrap();
+    let score = summary.score().unwrap();
     let horizontal = score.horizontal_rms;
     // 0.5° and 0.1 m at 36 m are 0.3 m for one fix. Tracks and attitude average some ten fixes.
     assert!(horizontal < 0.2, "{horizontal}");
-    let sound = summary.parameters.iter().find(|p| p.name == "usbl.sound_speed").unwrap();
+    let sound = summary.parameters().iter().find(|p| p.name == "usbl.sound_speed").unwrap();
     // 800 ranges of 0.1 m at 36 m. Depth and bearing determine the position of the vehicle. The initial σ is 0.5 %.
     assert!(sound.sigma[0] < 1e-3, "{:?}", sound.sigma);
 }

@@ -100,7 +100,7 @@ fn with_the_full_reset_left_and_right_are_one_filter_and_without_it_they_are_two
     let run = |backend: &str| {
         let design = design("inertial-landmarks.toml", backend);
         let summary = run(&design, &Options::default(), &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
-        let score = summary.score.unwrap();
+        let score = summary.score().unwrap();
         (score.position.unwrap().rms, score.nees_position.unwrap().mean)
     };
     let apart = |reset: &str| {

@@ -55,7 +55,8 @@ fn score(at: &Workspace, sets: &[&str]) -> Score {
         base: at.path(""),
         ..Options::default()
     };
-    run(&design, &options, &mut |_| {}).unwrap_or_else(|d| panic!("{d}")).score.unwrap()
+    let summary = run(&design, &options, &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
+    summary.score().unwrap().clone()
 }
 
 #[test]
@@ -185,7 +186,7 @@ fn of_log(at: &Workspace, sets: &[&str]) -> Summary {
 fn corrections_of_the_yaw_are_no_turn_of_the_reference_point() {
     let at = turning_vehicle("lever-velocity", [2.0, 0.5, 0.0]);
     let at_point = ["source.reference.path=\"point.csv\"", "reference.lever_arm=[2, 0.5, 0]"];
-    let [origin, point] = [&[][..], &at_point].map(|sets| of_log(&at, sets).score.unwrap().velocity.unwrap());
+    let [origin, point] = [&[][..], &at_point].map(|sets| of_log(&at, sets).score().unwrap().velocity.unwrap());
     // The velocity of the point differs by 0.33 rad/s · 2.06 m, turned by a yaw error of at most 1°: 0.012 m/s. The
     // noise of a gyro adds 0.002 rad/s · 2.06 m. A correction of 1° taken as a turn in 0.01 s would give 3.6 m/s.
     for k in 0..3 {
@@ -202,8 +203,9 @@ fn a_wrong_lever_arm_of_the_reference_is_found() {
             "source.reference.path=\"point.csv\"".to_owned(),
             format!("reference.lever_arm={arm}"),
         ];
-        let found = of_log(&at, &[&sets[0], &sets[1]]).findings;
-        found.iter().filter(|f| f.about == "reference").map(ToString::to_string).collect()
+        let summary = of_log(&at, &[&sets[0], &sets[1]]);
+        let found = summary.findings().iter();
+        found.filter(|f| f.about == "reference").map(ToString::to_string).collect()
     };
     assert_eq!(at_point("[3, -1.5, 0]"), [""; 0], "the right one");
     let found = at_point("[1, 0, 0]");
@@ -212,7 +214,7 @@ fn a_wrong_lever_arm_of_the_reference_is_found() {
     // The error of the filter, 0.4 m with a memory of some seconds, over two minutes. Twice that ahead, because only
     // the turns separate an offset ahead from a delay.
     assert!((arm[0] - 3.0).abs() < 0.8 && (arm[1] + 1.5).abs() < 0.4, "{found:?}");
-    assert!(found[0].contains("an offset of [") && of_log(&at, &[]).findings.iter().all(|f| f.about != "reference"));
+    assert!(found[0].contains("an offset of [") && of_log(&at, &[]).findings().iter().all(|f| f.about != "reference"));
 }
 
 #[test]
@@ -298,8 +300,8 @@ source = \"judge\"
         ("", "", true),
     ] {
         let summary = summary(used, judging);
-        assert_eq!(summary.judged_by.as_deref(), Some("gnss"), "{used} {judging}");
-        assert_eq!(summary.judged_by_used_rows, is_used, "{used} {judging}");
+        assert_eq!(summary.judge().source.as_deref(), Some("gnss"), "{used} {judging}");
+        assert_eq!(summary.judge().used_rows, is_used, "{used} {judging}");
     }
     // Two parts of the log: the filter uses the first one, and the second one judges it.
     for (stop, start, is_used) in [("20 s", "20 s", false), ("20 s", "15 s", true)] {

@@ -34,8 +34,8 @@ fn every_scene_runs_in_every_variant_and_says_whether_it_converged() {
             .map_or_else(Vec::new, |v| v.keys().cloned().collect());
         for variant in core::iter::once(None).chain(variants.iter().map(|v| Some(v.as_str()))) {
             let summary = run(&design(&file, variant, None), &Options::default(), &mut |_| {});
-            let score = summary.unwrap_or_else(|d| panic!("{}: {d}", file.display())).score;
-            assert!(score.unwrap().convergence.is_some(), "{} {variant:?}", file.display());
+            let summary = summary.unwrap_or_else(|d| panic!("{}: {d}", file.display()));
+            assert!(summary.score().unwrap().convergence.is_some(), "{} {variant:?}", file.display());
             count += 1;
         }
     }

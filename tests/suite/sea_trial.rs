@@ -89,7 +89,7 @@ fn the_figures_of_the_sea_trial_are_those_of_the_paper() {
         .unwrap()
         .summary;
     assert_eq!(first, Some(0));
-    assert!(summary.control.as_ref().is_some_and(|c| c.is_done));
+    assert!(summary.control().is_some_and(|c| c.is_done));
 
     // The slip of the vehicle is known for all four hours: 4 % on average.
     let is_inside = |[slip, sigma]: &[f64; 2]| (slip - 0.04).abs() <= 3.0 * sigma;
@@ -103,11 +103,11 @@ fn the_figures_of_the_sea_trial_are_those_of_the_paper() {
     );
     assert!(is_inside(last) && inside >= 0.95, "{last:?} {inside}");
     // The table of parameter errors says the same: the true slip is that of the simulated vehicle.
-    let score = summary.score.as_ref().unwrap();
+    let score = summary.score().unwrap();
     let scored = score.blocks.iter().find(|b| b.name == "tracks.slip").unwrap();
     // 1e-3: half its 1σ. The latest recorded estimate is some seconds older.
     assert!((scored.error[0] - (last[0] - 0.04)).abs() < 1e-3, "{scored:?} {last:?}");
-    let spent = &summary.health[0].spent;
+    let spent = &summary.health()[0].spent;
     let good = spent.of(State::Good) / spent.total();
     println!("health: good {:.1} %", 100.0 * good);
     assert!(good >= 0.95, "{spent:?}");

@@ -23,7 +23,7 @@ fn outages(name: &str, starts: &[u32], seconds: u32, every: u32) -> [Vec<f64>; 2
         let window =
             format!("source.gnss.fault.outage.window={{ from = \"{start} s\", duration = \"{seconds} s\", every = \"{every} s\" }}");
         let summary = smoothed_run(name, &["outages"], &[&window]).unwrap();
-        let scores = [summary.score.as_ref().unwrap(), smoothed(&summary)];
+        let scores = [summary.score().unwrap(), smoothed(&summary)];
         for (drifts, score) in drifts.iter_mut().zip(scores) {
             drifts.extend(score.drift.iter().map(|d| d.max_horizontal));
         }
@@ -35,7 +35,7 @@ fn outages(name: &str, starts: &[u32], seconds: u32, every: u32) -> [Vec<f64>; 2
 }
 
 fn smoothed(summary: &Summary) -> &Score {
-    summary.smoothed.as_ref().unwrap().score.as_ref().unwrap()
+    summary.smoothed().unwrap().score.as_ref().unwrap()
 }
 
 fn rms(values: &[f64]) -> f64 {
@@ -77,7 +77,7 @@ fn smoothed_estimates_are_better_than_those_of_the_filter_and_know_their_errors(
     // 0.037 m, 1.43 m, 0.056 m.
     for (name, bound) in [("rtklib-drive", 0.018), ("pntos-car", 1.42), ("tumvi", 0.029)] {
         let Some(summary) = smoothed_run(name, &[], &[]) else { return };
-        let (filtered, smoothed) = (summary.score.as_ref().unwrap(), smoothed(&summary));
+        let (filtered, smoothed) = (summary.score().unwrap(), smoothed(&summary));
         assert_eq!(filtered.epochs, smoothed.epochs);
         assert!(
             smoothed.horizontal_rms < filtered.horizontal_rms.min(bound),
@@ -101,12 +101,12 @@ fn estimates_that_no_reference_asks_for_change_no_score() {
         ..options
     };
     let all = run(&design, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{e}"));
-    let count = |summary: &Summary| summary.smoothed.as_ref().unwrap().estimates;
+    let count = |summary: &Summary| summary.smoothed().unwrap().estimates;
     assert!(
-        count(&all) == all.epochs && count(&asked) < all.epochs / 5,
+        count(&all) == all.counts().epochs && count(&asked) < all.counts().epochs / 5,
         "{} {}",
         count(&asked),
-        all.epochs
+        all.counts().epochs
     );
     let [all, asked] = [&all, &asked].map(smoothed);
     assert_eq!(
@@ -234,7 +234,7 @@ fn a_run_that_stopped_and_started_again_is_smoothed_in_its_pieces() {
     };
     let score = smoothed(&summary);
     assert_eq!(score.nees_undefined, [0; 3]);
-    let filtered = summary.score.as_ref().unwrap();
+    let filtered = summary.score().unwrap();
     assert!(filtered.epochs == score.epochs && score.horizontal_rms < filtered.horizontal_rms);
 }
 
@@ -250,7 +250,7 @@ fn of_a_design_with_a_filter_in_a_stage_the_outer_one_is_smoothed() {
         ..options
     };
     let summary = run(&design, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{e}"));
-    let (own, inside) = (smoothed(&summary), &summary.inside[0]);
+    let (own, inside) = (smoothed(&summary), &summary.inside()[0]);
     assert!(own.epochs > 1000 && inside.score.epochs > 1000);
     let names = |start: &str| {
         let names = fs::read_dir(w.path("out"))

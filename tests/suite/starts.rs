@@ -48,9 +48,9 @@ fn judge(starts: &Starts) {
     for moment in starts.moments {
         let start = format!("run.start=\"{moment} s\"");
         let whole = run(std::slice::from_ref(&start));
-        let begun = whole.started.unwrap();
+        let begun = whole.start().started.unwrap();
         let early = run(&[start, format!("run.stop=\"{} s\"", begun + 60.0)]);
-        let squares = squares(starts, &early.parameters, &whole.parameters, starts.last - begun - 60.0);
+        let squares = squares(starts, early.parameters(), whole.parameters(), starts.last - begun - 60.0);
         for (axis, square) in &squares {
             assert!(
                 square.sqrt() <= starts.most,

@@ -32,7 +32,7 @@ fn summary(design: &Design, seed: u64) -> Summary {
 }
 
 fn record(design: &Design, seed: u64) -> Record {
-    summary(design, seed).control.unwrap()
+    summary(design, seed).control().unwrap().clone()
 }
 
 /// The requirements for the square: the final error of the heading below 1° on each leg, overshoot at most 4°, and an
@@ -78,8 +78,8 @@ fn the_controller_sees_the_estimate_and_not_the_truth() {
     let wrong = "simulation.sensor.attitude.bias_sigma=[0, 0, \"8 deg\"]";
     let design = design("utv-square.toml", &[], &[wrong, "sensor.attitude.mounting=[0, 0, 0]"]);
     let summary = summary(&design, 3);
-    let yaw = summary.score.as_ref().unwrap().attitude_deg.unwrap();
-    let record = summary.control.unwrap();
+    let yaw = summary.score().unwrap().attitude_deg.unwrap();
+    let record = summary.control().unwrap();
     assert!(record.is_done && yaw.rms[2] > 3.0, "{yaw:?}");
     for leg in &record.legs[1..] {
         // The estimate is wrong by the bias, and the heading has the opposite error. The estimated heading is within 1°
@@ -166,7 +166,7 @@ const HOUR: &str = "simulation.longest=3800";
 /// Position errors of a navigator on the path of the sea trial: RMS and 95 % NEES band.
 fn sea_trial(variants: &[&str], sets: &[&str], seed: u64) -> (f64, Summary) {
     let summary = summary(&design("uri-r-sea-trial.toml", variants, sets), seed);
-    let rms = summary.score.as_ref().unwrap().position.unwrap().rms;
+    let rms = summary.score().unwrap().position.unwrap().rms;
     (rms[0].hypot(rms[1]), summary)
 }
 
@@ -174,12 +174,12 @@ fn sea_trial(variants: &[&str], sets: &[&str], seed: u64) -> (f64, Summary) {
 fn navigators_of_the_sea_trial_are_compared_on_one_way() {
     let (base, own) = sea_trial(&[], &[HOUR], 1);
     let (usbl, held) = sea_trial(&["usbl-only"], &[HOUR], 1);
-    assert!(own.control.is_some() && held.control.is_none(), "the second one steers nothing");
+    assert!(own.control().is_some() && held.control().is_none(), "the second one steers nothing");
     // Measured: 0.085 m and 0.33 m.
     assert!(base < 0.2 && usbl > 2.0 * base, "{base} {usbl}");
-    let nees = own.score.as_ref().unwrap().nees_position.unwrap();
+    let nees = own.score().unwrap().nees_position.unwrap();
     assert!(nees.mean < 4.5, "3 is expected: {}", nees.mean);
-    let rejected = own.sensors.iter().find(|s| s.name == "usbl").unwrap().rejected;
+    let rejected = own.sensors().iter().find(|s| s.name == "usbl").unwrap().rejected;
     assert!(rejected >= 5, "of fixes that are wrong by 2 to 6 m: {rejected}");
 }
 
@@ -241,12 +241,12 @@ fn who_cannot_steer_is_told() {
 fn the_square_is_driven_by_each_instrument_and_by_the_navigator_as_printed() {
     for variants in [&["tcm"][..], &["usbl"], &["chna-literal"], &["tcm", "chna-literal"]] {
         let summary = summary(&design("utv-square.toml", variants, &[]), 1);
-        let record = summary.control.unwrap();
+        let record = summary.control().unwrap();
         assert!(record.is_done && record.legs.len() == 8, "{variants:?}: {record:?}");
         // The commanded square.
         let corners: Vec<[f64; 2]> = record.path.iter().map(|[_, end]| end.map(f64::round)).collect();
         assert_eq!(corners, [[10.0, 0.0], [10.0, 10.0], [0.0, 10.0], [0.0, 0.0]]);
-        let used = |name: &str| summary.sensors.iter().any(|s| s.name == name && s.accepted > 100);
+        let used = |name: &str| summary.sensors().iter().any(|s| s.name == name && s.accepted > 100);
         assert_eq!(used("compass"), variants.contains(&"tcm"), "{variants:?}");
         assert_eq!(used("usbl"), variants.iter().any(|v| *v != "tcm"), "{variants:?}");
         let last = record.legs[7].heading.unwrap();
@@ -279,8 +279,8 @@ fn a_constraint_of_motion_elsewhere_than_the_unit_asks_where_the_unit_is() {
         let summary = summary(&design, seed);
         // At 0.4 rad/s the unit slides by 0.6 m/s, 30 times the noise: a constraint at the wrong point has a NIS of
         // hundreds.
-        let sideways = summary.sensors.iter().find(|s| s.name == "sideways").unwrap();
+        let sideways = summary.sensors().iter().find(|s| s.name == "sideways").unwrap();
         assert!(sideways.accepted > 300 && sideways.nis.unwrap().mean < 2.0, "{:?}", sideways.nis);
-        check_square(summary.control.as_ref().unwrap());
+        check_square(summary.control().unwrap());
     }
 }

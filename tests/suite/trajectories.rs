@@ -32,9 +32,10 @@ fn a_room_walked_through_has_the_errors_that_evo_finds() {
     let Some(summary) = real("tumvi", &[], &[consecutive]) else {
         return;
     };
-    let found = summary.score.unwrap().trajectory.unwrap();
+    let found = summary.score().unwrap().trajectory.as_ref().unwrap();
     let all = r#"reference.trajectory={ distances = ["1 m", "10 m"], pairs = "all" }"#;
-    let overlapping = real("tumvi", &[], &[all]).unwrap().score.unwrap().trajectory.unwrap();
+    let overlapping = real("tumvi", &[], &[all]).unwrap();
+    let overlapping = overlapping.score().unwrap().trajectory.as_ref().unwrap();
     assert_eq!(found.absolute.len(), 3);
     for (error, (metres, degrees)) in found.absolute.iter().zip(ABSOLUTE) {
         assert_is("ATE", &error.position, found.poses, metres);

@@ -56,7 +56,7 @@ fn design(text: &str, sets: &[&str]) -> Design {
 /// RMS of the horizontal error \[m\], and the estimated parameters.
 fn ran(text: &str, sets: &[&str]) -> (f64, Vec<FinalState>) {
     let summary = run(&design(text, sets), &Options::default(), &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
-    (summary.score.unwrap().horizontal_rms, summary.parameters)
+    (summary.score().unwrap().horizontal_rms, summary.parameters().to_vec())
 }
 
 #[test]
@@ -171,7 +171,7 @@ fn a_compass_has_a_declination_and_a_deviation_that_the_filter_does_not_know() {
     );
     let heading = |truth: &[&str]| {
         let summary = run(&design(&compass, truth), &Options::default(), &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
-        summary.score.unwrap().heading_rmse_deg.unwrap()
+        summary.score().unwrap().heading_rmse_deg.unwrap()
     };
     // Fixes of 5 cm and gyros determine the heading to some tenths of a degree. The compass, 5 Hz with 0.5°, is used
     // all the same.

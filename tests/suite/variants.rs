@@ -94,7 +94,7 @@ fn a_sensor_that_is_left_out_still_times_what_another_block_reads() {
     let counts = |variants: &[&str], sets: &[&str]| -> Vec<(String, u64)> {
         let design = minute(variants, sets).unwrap_or_else(|d| panic!("{d}"));
         let summary = fusion::run::run(&design, &Options::default(), &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
-        summary.sensors.iter().map(|s| (s.name.clone(), s.accepted)).collect()
+        summary.sensors().iter().map(|s| (s.name.clone(), s.accepted)).collect()
     };
     let of = |counts: &[(String, u64)], name: &str| counts.iter().find(|(n, _)| n == name).map(|(_, n)| *n);
     let all = counts(&["chna-literal"], &[]);

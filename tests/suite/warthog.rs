@@ -87,7 +87,7 @@ fn part(name: &str, fold: usize, is_in: bool) -> String {
 fn learnt(fold: usize, further: &[&str]) -> Option<Vec<String>> {
     let summary = real("warthog", &["learn"], &[&[part("pose", fold, false).as_str()], further].concat())?;
     // A fixed value is not a parameter of the run: here it is fixed at 0.
-    let value = |name: &str| summary.parameters.iter().find(|p| p.name == name).map_or(0.0, |p| p.value[0]);
+    let value = |name: &str| summary.parameters().iter().find(|p| p.name == name).map_or(0.0, |p| p.value[0]);
     Some(vec![
         format!("process.side_slip={}", value("side_slip")),
         format!("sensor.tracks.gauge={}", value("tracks.gauge")),

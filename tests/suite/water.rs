@@ -98,7 +98,7 @@ fn beam_by_beam_a_dive_ends_where_it_does_by_their_velocity() {
     // Ten of the 1126 measurements of the dive have one to three beams without an echo: the other beams are used.
     let summary = super::real::real("blueye", &["beams"], &[]).unwrap();
     let used: Vec<u64> = [1, 2, 3, 4]
-        .map(|beam| summary.sensors.iter().find(|s| s.name == format!("dvl.beam_{beam}")).unwrap())
+        .map(|beam| summary.sensors().iter().find(|s| s.name == format!("dvl.beam_{beam}")).unwrap())
         .map(|s| s.accepted + s.rejected)
         .to_vec();
     eprintln!("used: {used:?}");
@@ -356,13 +356,20 @@ fn a_vehicle_is_measured_from_a_ship_and_from_a_buoy() {
     assert!(streams.iter().any(|stream| stream.name == "buoy_gps"), "{streams:?}");
     let summary = run(&design, &Options::default(), &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
     for (name, dof) in [("ship", 6.0), ("buoy", 6.0), ("usbl_under_ship", 3.0), ("usbl_under_buoy", 3.0)] {
-        let sensor = summary.sensors.iter().find(|s| s.name == name).unwrap();
+        let sensor = summary.sensors().iter().find(|s| s.name == name).unwrap();
         let nis = sensor.nis.unwrap().mean / dof;
         // A pose taken from the other transceiver would be 70 m off. The poses are walks that follow every row.
         let least = if name.starts_with("usbl") { 0.7 } else { 0.0 };
         assert!(sensor.accepted > 100 && (least..1.3).contains(&nis), "{name}: {nis}");
     }
-    let place = |name: &str| summary.parameters.iter().find(|p| p.name == name).map(|p| p.value.clone()).unwrap();
+    let place = |name: &str| {
+        summary
+            .parameters()
+            .iter()
+            .find(|p| p.name == name)
+            .map(|p| p.value.clone())
+            .unwrap()
+    };
     let (ship, buoy) = (place("ship.position"), place("buoy.position"));
     // 6.4e6 m of radius: the buoy stays within 3 m of its mooring, 60 m north.
     let origin = design.run.origin.unwrap().latitude.si();

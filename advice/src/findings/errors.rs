@@ -49,7 +49,7 @@ const LEAST_LATENCY: f64 = 0.01;
 impl Judged<'_> {
     /// Findings about the errors. They may follow from `causes`, which are already reported.
     pub(super) fn all_errors(&self, causes: &[String]) -> Vec<Finding> {
-        let Some(score) = &self.summary.score else { return Vec::new() };
+        let Some(score) = self.summary.score() else { return Vec::new() };
         let heading = self
             .kept(constant_heading(score))
             .or_else(|| self.kept(self.wrong_reference(score)))
@@ -119,7 +119,7 @@ impl Judged<'_> {
             }
             Verdict::Overconfident if ratio(c) > LARGE => times() + &self.cause(what, c),
             // Other rows of a sensor do not show the slow error that makes the filter conservative.
-            Verdict::Conservative if self.summary.judged_by.is_some() => return None,
+            Verdict::Conservative if self.summary.judge().source.is_some() => return None,
             Verdict::Conservative if ratio(c) < TINY => format!(
                 "errors are only {} times the 1σ of the filter; the noises of its sensors or process are larger than need be",
                 short(c.error_ratio())
@@ -136,7 +136,7 @@ impl Judged<'_> {
 
     /// Why the filter is overconfident although no sensor disagrees: it may follow the error of a sensor.
     fn cause(&self, what: Measures, nees: &Consistency) -> String {
-        let axis = worst_axis(self.summary.score.as_ref().and_then(|score| axes_of(score, what)));
+        let axis = worst_axis(self.summary.score().and_then(|score| axes_of(score, what)));
         let told = self.measuring(what).filter(|(i, _)| axis.is_none_or(|k| i.axes[k]));
         let followed = told.filter(|(_, nis)| nis.verdict() == Some(Verdict::Conservative));
         let Some((sensor, nis)) = followed.min_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1))) else {
@@ -179,7 +179,7 @@ impl Judged<'_> {
         } else {
             ""
         };
-        let offset = self.summary.score.as_ref().and_then(|score| score.offset.as_ref());
+        let offset = self.summary.score().and_then(|score| score.offset.as_ref());
         // Position errors do not determine the offset of a velocity.
         let arm = offset.and_then(|offset| known_arm(offset, self.point)).map(|(_, arm)| arm);
         let other = match (what, arm) {
@@ -304,7 +304,7 @@ impl Judged<'_> {
         let is_told = rms > WRONG_HEADING && Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
         let median = score.spread.heading_deg.map_or(rms, |s| s.median);
         // Before its alignment the filter itself reports a wrong heading.
-        let own = self.summary.health.iter().find(|h| h.filter.is_empty());
+        let own = self.summary.health().iter().find(|h| h.filter.is_empty());
         let aligned = own.and_then(|h| h.aligned).filter(|aligned| axes.max_time[2] < *aligned);
         let from = aligned.map(|aligned| Edit::set("reference.from", format!("\"{aligned:.1} s\"")));
         let advice = if let (Some(aligned), Some(from)) = (aligned, &from) {

@@ -74,16 +74,16 @@ const GAP: (f64, f64) = (10.0, 3.0);
 /// The findings of a run of `design` by all rules but the `ignored` ones; empty if the run is consistent.
 #[must_use]
 pub fn findings(design: &Design, summary: &Summary, ignored: &Ignored) -> Vec<Finding> {
-    if summary.started.is_none() {
+    if summary.start().started.is_none() {
         let finding = never_started(design, summary).filter(|f| !ignored.has(&f.rule));
         return finding.into_iter().collect();
     }
-    let instruments = Instrument::of_design(design, &summary.parameters);
+    let instruments = Instrument::of_design(design, summary.parameters());
     let constant_biases = instrument::constant_biases(&design.process.node);
     let growth = instrument::growth(&design.process.node);
     let reference = design.reference.as_ref().map(|r| &r.block);
     let has_sigma = |k: usize| reference.is_some_and(|r| r.sources().iter().any(|(_, part)| part.sigma.each()[k].is_some()));
-    let stamps = Stamps::of_design(design, &summary.parameters);
+    let stamps = Stamps::of_design(design, summary.parameters());
     let judged = Judged {
         instruments: &instruments,
         summary,
@@ -104,8 +104,12 @@ pub fn findings(design: &Design, summary: &Summary, ignored: &Ignored) -> Vec<Fi
 /// A log with rows in all of its sources, in which no filter was started.
 fn never_started(design: &Design, summary: &Summary) -> Option<Finding> {
     let is_simulated = design.simulation.is_some();
-    let has_rows = is_simulated || summary.sources.iter().all(|s| s.rows > 0) && !summary.sources.is_empty();
-    let waits = summary.waiting.iter().map(|(name, what)| format!("`{name}` waits for {what}"));
+    let has_rows = is_simulated || summary.sources().iter().all(|s| s.rows > 0) && !summary.sources().is_empty();
+    let waits = summary
+        .start()
+        .waiting
+        .iter()
+        .map(|(name, what)| format!("`{name}` waits for {what}"));
     let waits: Vec<String> = waits.collect();
     let waits = if waits.is_empty() {
         String::new()
@@ -248,7 +252,7 @@ impl Judged<'_> {
 
     /// The sensors with their statistics.
     fn sensors(&self) -> impl Iterator<Item = (&Instrument, &SensorStatistics)> {
-        let of = |i: &Instrument| self.summary.sensors.iter().find(|s| s.name == i.name);
+        let of = |i: &Instrument| self.summary.sensors().iter().find(|s| s.name == i.name);
         self.instruments.iter().filter_map(move |i| Some((i, of(i)?)))
     }
 
@@ -262,7 +266,7 @@ impl Judged<'_> {
 
     /// The NEES of the part that a sensor measures.
     fn nees(&self, what: Measures) -> Option<&Consistency> {
-        nees_of(self.summary.score.as_ref()?, what)
+        nees_of(self.summary.score()?, what)
     }
 
     /// If all sensors disagree by far, the fault is in the process input: all are compared with it.
@@ -319,7 +323,7 @@ impl Judged<'_> {
 
     /// Samples of the input that its declared range excludes.
     fn beyond_range(&self) -> Option<Finding> {
-        let process = self.summary.consumers.iter().find(|c| c.name == "process")?;
+        let process = self.summary.consumers().iter().find(|c| c.name == "process")?;
         let (beyond, rows) = (process.out_of_range, process.rows);
         (beyond > BLOWS && beyond as f64 > BEYOND * rows as f64).then(|| Finding {
             about: "process".to_owned(),
@@ -338,7 +342,7 @@ impl Judged<'_> {
     /// A parameter that moved further from its initial value than its initial 1σ allows, and is still there at the end.
     /// The flag says whether it belongs to the input.
     fn far_parameter(&self) -> Option<(bool, Finding)> {
-        let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
+        let own = self.summary.health().iter().find(|h| h.filter.is_empty())?;
         let mut reasons = own.transitions.last().filter(|_| own.further_transitions == 0)?.reasons.iter();
         let name = &reasons.find(|r| r.reason == "calibration")?.of;
         let sensor = self
@@ -363,9 +367,9 @@ impl Judged<'_> {
 
     /// Several headings that are still possible at the end.
     fn undecided(&self) -> Option<Finding> {
-        let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
+        let own = self.summary.health().iter().find(|h| h.filter.is_empty())?;
         let last = own.transitions.last().filter(|_| own.further_transitions == 0)?;
-        let start = self.summary.start_angle.as_ref();
+        let start = self.summary.start().start_angle.as_ref();
         last.reasons.iter().any(|r| r.reason == "undecided").then(|| Finding {
             about: start.map_or_else(|| "filter.bank".to_owned(), |(name, _)| name.clone()),
             evidence: "several headings are still possible at the end".to_owned(),
@@ -379,9 +383,9 @@ impl Judged<'_> {
 
     /// A heading that the bank showed for a large part of the run and then replaced by another one.
     fn changed(&self) -> Option<Finding> {
-        let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
-        let from = self.summary.started?;
-        let mut changes = self.summary.hypotheses.as_ref()?.changes.iter().rev();
+        let own = self.summary.health().iter().find(|h| h.filter.is_empty())?;
+        let from = self.summary.start().started?;
+        let mut changes = self.summary.hypotheses()?.changes.iter().rev();
         let (change, angle) = changes.find_map(|c| Some((c, c.angle.filter(|angle| *angle > ANOTHER)?)))?;
         let (time, angle) = (change.time, angle.to_degrees());
         (time - from > LATE * (own.until - from)).then(|| Finding {
@@ -397,7 +401,7 @@ impl Judged<'_> {
 
     /// A start so late that most figures do not describe the log.
     fn late_start(&self) -> Option<Finding> {
-        let (at, wait) = (self.summary.started?, self.summary.late_start()?);
+        let (at, wait) = (self.summary.start().started?, self.summary.late_start()?);
         let other = if self.is_recorded {
             format!("look at the axes, signs and units of what it waited for ({CHECK} compares them), then ")
         } else {
@@ -415,10 +419,10 @@ impl Judged<'_> {
 
     /// An initial σ so large that one linearisation does not reach the truth, if no statistic shows that it did.
     fn poor_start(&self) -> Option<Finding> {
-        let (name, sigma) = self.summary.start_angle.as_ref().filter(|(_, sigma)| *sigma > POOR)?;
+        let (name, sigma) = self.summary.start().start_angle.as_ref().filter(|(_, sigma)| *sigma > POOR)?;
         let is_found = self.nees(Measures::Attitude).is_some_and(|c| !is_large(c));
         // An invariant chart covers only the attitude or heading that the process moves.
-        let is_moved = self.summary.parameters.iter().all(|p| p.name != *name);
+        let is_moved = self.summary.parameters().iter().all(|p| p.name != *name);
         let chart = if is_moved {
             ", with `filter.chart = \"right_invariant\"`"
         } else {
@@ -453,9 +457,9 @@ impl Judged<'_> {
     /// A heading with a large initial σ, if the attitude is much worse than the filter says. Also an unobserved heading
     /// that these coordinates make seem observed.
     fn uncertain_start(&self) -> Option<Finding> {
-        let known = self.summary.start_angle.as_ref();
+        let known = self.summary.start().start_angle.as_ref();
         let (name, sigma) = known.filter(|(_, sigma)| (UNCERTAIN..=POOR).contains(sigma))?;
-        let is_moved = self.summary.parameters.iter().all(|p| p.name != *name);
+        let is_moved = self.summary.parameters().iter().all(|p| p.name != *name);
         let is_inertial = !self.growth.is_empty();
         // Course and position also make the heading observable; a height does not.
         let is_level = |i: &&Instrument| !i.is_constraint && i.measures.is_some() && (i.axes[0] || i.axes[1]);
@@ -488,16 +492,16 @@ impl Judged<'_> {
 
     /// The stream of the process input, if no fault disturbs it.
     fn undisturbed_input(&self) -> Option<&str> {
-        let process = self.summary.consumers.iter().find(|c| c.name == "process")?;
+        let process = self.summary.consumers().iter().find(|c| c.name == "process")?;
         let has_faults = |s: &fusion::run::SourceStatistics| s.name == process.stream && !s.report.disturbed.is_empty();
-        let is_declared = self.summary.faults.iter().any(|fault| fault.stream == process.stream);
-        (!is_declared && !self.summary.sources.iter().any(has_faults)).then_some(&process.stream)
+        let is_declared = self.summary.faults().iter().any(|fault| fault.stream == process.stream);
+        (!is_declared && !self.summary.sources().iter().any(has_faults)).then_some(&process.stream)
     }
 
     /// Input samples that were treated as spikes. The flag says whether the estimate is worse than its covariance.
     fn spikes(&self) -> Option<(bool, Finding)> {
         let stream = self.undisturbed_input()?;
-        let process = self.summary.consumers.iter().find(|c| c.name == "process" && c.spikes > 0)?;
+        let process = self.summary.consumers().iter().find(|c| c.name == "process" && c.spikes > 0)?;
         let is_harmful = Measures::ALL.into_iter().filter_map(|what| self.nees(what)).any(is_large);
         let finding = Finding {
             about: "process".to_owned(),
@@ -512,7 +516,7 @@ impl Judged<'_> {
 
     /// Gaps of the input that no fault explains.
     fn coasted(&self) -> Option<Finding> {
-        let (stream, coasted) = (self.undisturbed_input()?, self.summary.coasted);
+        let (stream, coasted) = (self.undisturbed_input()?, self.summary.counts().coasted);
         (coasted > 0.0).then(|| Finding {
             about: "process".to_owned(),
             evidence: format!("`{stream}` had no usable sample for {coasted:.2} s, and the filter coasted"),
@@ -524,7 +528,7 @@ impl Judged<'_> {
 
     /// Parameters that are not identifiable: none of their 1σ decreased.
     fn unlearnt(&self) -> Option<Finding> {
-        let unlearnt = || self.summary.parameters.iter().filter(|p| is_unlearnt(p));
+        let unlearnt = || self.summary.parameters().iter().filter(|p| is_unlearnt(p));
         let about = unlearnt().next()?.name.clone();
         let each = unlearnt().map(|p| {
             let unit = Unit::of_si(p.unit);
@@ -551,9 +555,9 @@ impl Judged<'_> {
     fn gaps(&self) -> impl Iterator<Item = Finding> {
         let restart_after = self.restart_after;
         let separates = move |gap: f64| restart_after.is_some_and(|silence| gap > silence);
-        let has_outages = self.summary.score.as_ref().is_some_and(|score| !score.drift.is_empty());
+        let has_outages = self.summary.score().is_some_and(|score| !score.drift.is_empty());
         let is_read = |name: &str| self.instruments.iter().any(|i| i.source == name);
-        let sources = self.summary.sources.iter();
+        let sources = self.summary.sources().iter();
         let sources = sources.filter(move |s| !has_outages && s.report.disturbed.is_empty() && is_read(&s.name));
         sources.filter_map(move |source| {
             let (at, gap) = source.report.longest_gap?;

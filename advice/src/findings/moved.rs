@@ -37,7 +37,7 @@ impl Judged<'_> {
     /// The calibrations that a sensor moved, except those that a sensor with larger innovations moved at the same time. Where
     /// one sensor throws the estimate off, the others disagree with it.
     fn excess(&self, sensor: &str) -> Option<Excess> {
-        let all = &self.summary.excesses;
+        let all = self.summary.excesses();
         let own = all.iter().find(|e| e.sensor == sensor)?;
         let is_larger = |other: &&Excess| ratio(other) > ratio(own) && other.from < own.to && own.from < other.to;
         let mut own = own.clone();
@@ -97,7 +97,7 @@ impl Judged<'_> {
             is_declared,
             sigma,
         } = sensor.reports.as_ref()?;
-        let source = self.summary.sources.iter().find(|s| s.name == sensor.source)?;
+        let source = self.summary.sources().iter().find(|s| s.name == sensor.source)?;
         let noise = Edit::set(
             format!("sensor.{}.noise", sensor.name),
             format!("{{ sigma = {sigma}, from_source = true }}"),

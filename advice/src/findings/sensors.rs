@@ -70,7 +70,7 @@ impl Judged<'_> {
         let (mut used, mut faults) = (Vec::new(), Vec::new());
         for (sensor, s) in self.sensors() {
             let missed = s.disturbed.map_or(0, |d| d.missed);
-            let windows = self.summary.faults.iter();
+            let windows = self.summary.faults().iter();
             let own: Vec<_> = windows.filter(|w| w.stream == sensor.source || w.stream == sensor.name).collect();
             if missed == 0 || own.is_empty() {
                 continue;
@@ -118,7 +118,7 @@ impl Judged<'_> {
     /// The filter was lost outside declared outages; this finding comes first. Also returns the sensor whose
     /// measurements were rejected in a row at that time.
     pub(super) fn lost(&self) -> Option<(Finding, Option<String>)> {
-        let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
+        let own = self.summary.health().iter().find(|h| h.filter.is_empty())?;
         // For a filter that was never good, another finding names what it waits for.
         let aligned = own.aligned?;
         let spells = own.spells();
@@ -201,7 +201,7 @@ impl Judged<'_> {
     /// A sensor that was re-acquired against the estimate, if a large error follows or the run has no reference.
     fn reacquired(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let last_before = |at: f64| s.reacquired_at.iter().copied().rev().find(|t| (0.0..SOON).contains(&(at - t)));
-        let (time, error) = match &self.summary.score {
+        let (time, error) = match self.summary.score() {
             None => (*s.reacquired_at.first()?, String::new()),
             Some(score) => {
                 outstanding(score).find_map(|(at, error)| Some((last_before(at)?, format!("; {error} followed at {at:.1} s"))))?
@@ -210,7 +210,12 @@ impl Judged<'_> {
         let (refused, all) = refused_by_its_gate(s);
         // Only a declared fault shows that the sensor was wrong, not the estimate.
         let is_own = |w: &&FaultWindow| w.stream == sensor.source || w.stream == sensor.name;
-        let fault = self.summary.faults.iter().filter(is_own).find(|w| (w.from..=w.to).contains(&time));
+        let fault = self
+            .summary
+            .faults()
+            .iter()
+            .filter(is_own)
+            .find(|w| (w.from..=w.to).contains(&time));
         let mut edits = Vec::new();
         let advice = match fault {
             Some(w) if sensor.has_recovery => {
@@ -407,9 +412,9 @@ impl Judged<'_> {
 
     /// A detector that never held in a run that failed.
     pub(super) fn never_held(&self) -> Option<Finding> {
-        let has_health = self.summary.health.iter().any(|h| h.filter.is_empty() && h.is_good());
+        let has_health = self.summary.health().iter().any(|h| h.filter.is_empty() && h.is_good());
         // A summary of several runs does not count the rows of each consumer.
-        let had_no_row = |i: &&Instrument| match self.summary.consumers.iter().find(|c| c.name == i.name) {
+        let had_no_row = |i: &&Instrument| match self.summary.consumers().iter().find(|c| c.name == i.name) {
             Some(consumer) => consumer.rows == 0,
             None => self.detector(i).is_some_and(|d| d.held == 0),
         };
@@ -432,7 +437,7 @@ impl Judged<'_> {
 
     /// The detector that decides when a sensor holds.
     fn detector(&self, sensor: &Instrument) -> Option<&Detector> {
-        self.summary.detectors.iter().find(|d| d.stage == sensor.source)
+        self.summary.detectors().iter().find(|d| d.stage == sensor.source)
     }
 
     /// Sensors whose measurements are overweighted, because each repeats the error of the one before; the most
@@ -440,12 +445,7 @@ impl Judged<'_> {
     pub(super) fn counted(&self) -> Vec<Finding> {
         let nees = || Measures::ALL.into_iter().filter_map(|what| self.nees(what));
         let largest = nees().filter(|c| is_large(c)).map(ratio).fold(COUNTED, f64::max);
-        let has_errors = nees().any(is_large)
-            || self
-                .summary
-                .score
-                .as_ref()
-                .is_some_and(|score| bold_outages(&score.drift).is_some());
+        let has_errors = nees().any(is_large) || self.summary.score().is_some_and(|score| bold_outages(&score.drift).is_some());
         let told = self.sensors().filter_map(|(i, s)| {
             let is_told = has_errors && !i.is_constraint && i.measures.is_some() || self.is_judged_by_innovations(i);
             let times = counts(s).filter(|times| is_told && *times > largest)?;

@@ -109,7 +109,7 @@ fn summary(design: &str, set: &[&str], rows: Option<(&str, Columns)>, out: Optio
 #[test]
 fn a_design_takes_chart_rule_and_form_of_this_crate_by_name() {
     let plain = summary(CAR, &["run.stop=60 s"], None, None, false);
-    let rms = |s: &Summary| s.score.as_ref().unwrap().position_rmse_m.unwrap();
+    let rms = |s: &Summary| s.score().unwrap().position_rmse_m.unwrap();
     for (key, name, apart) in [
         // Another way to store P: rounding. Another chart: the second order of small corrections.
         ("form", "packed", 1e-6),
@@ -117,7 +117,7 @@ fn a_design_takes_chart_rule_and_form_of_this_crate_by_name() {
         ("update", "twice", 0.02),
     ] {
         let own = summary(CAR, &["run.stop=60 s", &format!("filter.{key}={name:?}")], None, None, false);
-        assert!(own.backend.contains(name), "{}", own.backend);
+        assert!(own.computation().backend.contains(name), "{}", own.computation().backend);
         let (a, b) = (rms(&plain), rms(&own));
         assert!((a - b).abs() < apart * a, "{name}: {a} and {b}");
     }

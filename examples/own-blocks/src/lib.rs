@@ -4,7 +4,7 @@
 //! then available like those of the framework: in designs, in messages and in the laws.
 
 pub mod range_rate;
-mod speeds;
+pub mod speeds;
 
 /// Links the parts of this crate into a program; call it once, so that the linker keeps them.
 pub fn link() {}

@@ -5,25 +5,62 @@
 use fusion::core::runner::Halt;
 use fusion::core::state::{Manifold, Velocity};
 use fusion::models::vocabulary::state;
-use fusion::observe::{Figure, RunEvent, RunObserver, RunSection, SectionColumn, SectionMaker, SectionObserver};
+use fusion::observe::{Entry, Figure, RunEnd, RunEvent, RunObserver, RunSection, Section, SectionColumn, SectionMaker, SectionObserver};
 
 fusion::inventory::submit! {
-    SectionMaker { name: "speeds", make: |_design, _filters| Some(Box::new(Speeds::default())) }
+    SectionMaker { name: "speeds", make: |_start| Some(Box::new(Watch::default())) }
 }
 
-/// Horizontal and vertical speeds.
+/// The section: horizontal and vertical speeds.
+#[derive(Debug, Default, serde::Serialize)]
+pub struct Speeds {
+    /// Mean \[m/s\].
+    pub mean: [f64; 2],
+    /// Largest \[m/s\].
+    pub largest: [f64; 2],
+    /// When they were largest \[s\].
+    pub at: [f64; 2],
+}
+
+impl Section for Speeds {
+    const NAME: &'static str = "speeds";
+
+    fn shown(&self) -> Option<RunSection> {
+        let column = |name: &str, unit: &str| SectionColumn {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+        };
+        let row = |(k, name): (usize, &str)| {
+            let numbers = [self.mean[k], self.largest[k], self.at[k]].map(Figure::Number);
+            [Figure::Text(name.to_owned())].into_iter().chain(numbers).collect()
+        };
+        Some(RunSection {
+            name: Self::NAME.to_owned(),
+            title: "Speeds".to_owned(),
+            columns: vec![
+                column("direction", ""),
+                column("mean", "m/s"),
+                column("largest", "m/s"),
+                column("at", "s"),
+            ],
+            rows: ["horizontal", "vertical"].into_iter().enumerate().map(row).collect(),
+            notes: Vec::new(),
+        })
+    }
+}
+
+/// The observer.
 #[derive(Debug, Default)]
-struct Speeds {
+struct Watch {
     count: u64,
     sums: [f64; 2],
     largest: [f64; 2],
-    /// When they were largest \[s\].
     at: [f64; 2],
 }
 // A run that resumes continues with them.
-fusion::core::memory!(Speeds { count, sums, largest, at });
+fusion::core::memory!(Watch { count, sums, largest, at });
 
-impl RunObserver for Speeds {
+impl RunObserver for Watch {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         let RunEvent::Estimate { filter, belief, .. } = event else {
             return Ok(());
@@ -48,31 +85,13 @@ impl RunObserver for Speeds {
     }
 }
 
-impl SectionObserver for Speeds {
-    fn finish(self: Box<Self>) -> RunSection {
-        let column = |name: &str, unit: &str| SectionColumn {
-            name: name.to_owned(),
-            unit: unit.to_owned(),
+impl SectionObserver for Watch {
+    fn finish(self: Box<Self>, _end: &RunEnd<'_>) -> Result<Entry, Halt> {
+        let speeds = Speeds {
+            mean: self.sums.map(|sum| sum / self.count as f64),
+            largest: self.largest,
+            at: self.at,
         };
-        let row = |(k, name): (usize, &str)| {
-            vec![
-                Figure::Text(name.to_owned()),
-                Figure::Number(self.sums[k] / self.count as f64),
-                Figure::Number(self.largest[k]),
-                Figure::Number(self.at[k]),
-            ]
-        };
-        RunSection {
-            name: "speeds".to_owned(),
-            title: "Speeds".to_owned(),
-            columns: vec![
-                column("direction", ""),
-                column("mean", "m/s"),
-                column("largest", "m/s"),
-                column("at", "s"),
-            ],
-            rows: ["horizontal", "vertical"].into_iter().enumerate().map(row).collect(),
-            notes: Vec::new(),
-        }
+        Ok(speeds.into())
     }
 }

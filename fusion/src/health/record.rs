@@ -2,7 +2,7 @@
 
 use super::reason::{NamedReason, Names, word};
 use crate::assembly::Assembly;
-use crate::observe::{Filters, Heard, RunEvent, RunObserver};
+use crate::observe::{Entry, Filters, Heard, Listed, RunEnd, RunEvent, RunObserver, SectionObserver, Shared, Summary};
 use crate::score::Outage;
 use fusion_core::filter::Verdict;
 use fusion_core::health::{Health, State};
@@ -229,11 +229,28 @@ impl HealthRecord {
             followed: followed.collect(),
         }
     }
+}
 
-    /// The health of each filter, the outermost first.
+impl Listed for FilterHealth {
+    const NAME: &'static str = "health";
+}
+
+impl SectionObserver for HealthRecord {
+    fn share(&self, shared: &mut Shared) {
+        shared.aligned = self.followed.iter().map(|f| f.health.aligned).collect();
+    }
+
+    fn finish(self: Box<Self>, _: &RunEnd<'_>) -> Result<Entry, Halt> {
+        let filters: Vec<FilterHealth> = self.followed.into_iter().map(|f| f.health).collect();
+        Ok(filters.into())
+    }
+}
+
+impl Summary {
+    /// The self-reported health of the filters: first the outermost filter, then the filters inside stages.
     #[must_use]
-    pub fn finish(self) -> Vec<FilterHealth> {
-        self.followed.into_iter().map(|f| f.health).collect()
+    pub fn health(&self) -> &[FilterHealth] {
+        self.list()
     }
 }
 

@@ -1,6 +1,6 @@
 //! The hypotheses of a bank during a run.
 
-use super::{RunEvent, RunObserver};
+use super::{Entry, RunEnd, RunEvent, RunObserver, Section, SectionObserver, Summary};
 use fusion_core::filter::Rivals;
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
@@ -73,6 +73,24 @@ impl RunObserver for Hypotheses {
             _ => {}
         }
         Ok(())
+    }
+}
+
+impl Section for Hypotheses {
+    const NAME: &'static str = "hypotheses";
+}
+
+impl SectionObserver for Hypotheses {
+    fn finish(self: Box<Self>, _: &RunEnd<'_>) -> Result<Entry, Halt> {
+        Ok((*self).into())
+    }
+}
+
+impl Summary {
+    /// The statistics of the hypotheses of a bank; `None` without a bank.
+    #[must_use]
+    pub fn hypotheses(&self) -> Option<&Hypotheses> {
+        self.get()
     }
 }
 

@@ -1,6 +1,6 @@
 //! The outcome of every row, for each of its consumers.
 
-use super::{RunEvent, RunObserver};
+use super::{Entry, Listed, RunEnd, RunEvent, RunObserver, SectionObserver, Summary};
 use fusion_core::filter::Verdict;
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt, Runner, StreamId};
@@ -168,8 +168,7 @@ impl Consumers {
     }
 
     /// The outcomes of the rows, in this order: process, stages, initialisers, sensors.
-    #[must_use]
-    pub fn finish(self) -> Vec<ConsumerCounts> {
+    fn counts(self) -> Vec<ConsumerCounts> {
         let Self {
             followed,
             first_starter,
@@ -195,6 +194,24 @@ impl Consumers {
             counts
         };
         followed.into_iter().enumerate().map(finish).collect()
+    }
+}
+
+impl Listed for ConsumerCounts {
+    const NAME: &'static str = "consumers";
+}
+
+impl SectionObserver for Consumers {
+    fn finish(self: Box<Self>, _: &RunEnd<'_>) -> Result<Entry, Halt> {
+        Ok(self.counts().into())
+    }
+}
+
+impl Summary {
+    /// The outcome of every row, by consumer; empty for one of many runs.
+    #[must_use]
+    pub fn consumers(&self) -> &[ConsumerCounts] {
+        self.list()
     }
 }
 

@@ -1,88 +1,69 @@
-//! Counts of a run: its start, its epochs, unused rows, failures.
+//! Counts of a run: its epochs, the use of its input, unused rows.
 
-use super::{Heard, RunEvent, RunObserver};
-use fusion_core::belief::Belief;
+use super::{Entry, Keyed, RunEnd, RunEvent, RunObserver, Section, SectionObserver, Summary};
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt};
-use fusion_core::state::StateRole;
+use serde::Serialize;
 
 /// The name of the process as a consumer.
 const PROCESS: &str = "process";
-/// The maximum number of failures whose reason is kept.
-const REASONS: usize = 10;
 
-/// Counts the events of a run.
+/// The estimates of a run, and the samples of its process input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Counts {
+    /// Time for which rows are held back, so that late rows are used in order of time \[s\]. The estimate on the
+    /// vehicle is this old. 0 if rows are used as they arrive.
+    pub held_back: f64,
+    /// Estimates made.
+    pub epochs: u64,
+    /// Samples of the process input that were rejected: spikes, out of range, frozen, not finite, or stamped far
+    /// ahead.
+    pub refused_samples: u64,
+    /// How long the filter coasted without process input \[s\].
+    pub coasted: f64,
+    /// Input samples that were taken for spikes; the counts by consumer have them too, except for one of many runs.
+    #[serde(skip)]
+    pub spikes: u64,
+}
+
+impl Section for Counts {
+    const NAME: &'static str = "counts";
+
+    fn keys(&self) -> Vec<Keyed<'_>> {
+        vec![
+            ("held_back", &self.held_back),
+            ("epochs", &self.epochs),
+            ("refused_samples", &self.refused_samples),
+            ("coasted", &self.coasted),
+        ]
+    }
+}
+
+impl Summary {
+    /// The estimates, and the samples of the process input.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.get().copied().unwrap_or_default()
+    }
+
+    /// Rows that came too late or had no number, by consumer.
+    #[must_use]
+    pub fn unused_rows(&self) -> &[(String, u64)] {
+        self.get::<UnusedRows>().map_or(&[], |unused| &unused.by_consumer)
+    }
+}
+
+/// Counts the estimates of the outermost filter, and the samples of its process input.
 #[derive(Clone, Debug, Default)]
 pub struct Counters {
-    /// When the filter started \[s\].
-    pub started: Option<f64>,
-    /// The attitude or angle with the largest 1σ at the start, and this 1σ \[rad\].
-    pub start_angle: Option<(String, f64)>,
-    /// The number of estimates.
-    pub epochs: u64,
-    /// Rows that came too late or held NaN, by consumer: `stage.consumer` inside a stage.
-    pub unused_rows: Vec<(String, u64)>,
-    /// Samples of the input that were rejected as spikes.
-    pub spikes: u64,
-    /// Samples of the input that were rejected for any of these reasons: spike, out of range, frozen, not finite,
-    /// stamped far ahead.
-    pub refused: u64,
-    /// The length of all gaps of the input that have ended \[s\].
-    coasted: f64,
+    /// Without the time of the present gap.
+    counts: Counts,
     /// The length of the present gap so far \[s\].
     gap: f64,
-    /// Why a filter could not continue: the first ten reasons.
-    pub failures: Vec<String>,
-    /// The number of further failures.
-    pub further_failures: u64,
 }
 
-impl Counters {
-    /// How long the filter coasted without input \[s\].
-    #[must_use]
-    pub fn coasted(&self) -> f64 {
-        self.coasted + self.gap
-    }
-
-    /// Counts a sample of the input that was not used.
-    fn refuse(&mut self, why: &Discard) {
-        self.spikes += u64::from(matches!(why, Discard::Spike { .. }));
-        self.refused += u64::from(!matches!(why, Discard::Late { .. }));
-    }
-
-    fn not_used(&mut self, consumer: String) {
-        match self.unused_rows.iter_mut().find(|(name, _)| *name == consumer) {
-            Some((_, count)) => *count += 1,
-            None => self.unused_rows.push((consumer, 1)),
-        }
-    }
-}
-
-/// The attitude or angle with the largest 1σ.
-fn least_known(filter: &Heard, belief: &Belief) -> Option<(String, f64)> {
-    let angles = filter
-        .layout
-        .blocks()
-        .iter()
-        // The pose of a ship is unknown until its own sensor measures it; that sensor then measures all of it at once.
-        .filter(|b| b.role != StateRole::Nuisance)
-        .filter(|b| b.kind.is_orientation() || b.unit == "rad");
-    let known = angles.map(|b| (b.name.clone(), belief.covariance.sigmas(b).fold(0.0, f64::max)));
-    known.max_by(|a, b| a.1.total_cmp(&b.1))
-}
-
-fusion_core::memory!(Counters {
-    started,
-    start_angle,
-    epochs,
-    unused_rows,
-    spikes,
-    refused,
-    coasted,
-    gap,
-    failures,
-    further_failures
-});
+fusion_core::memory!(Counters { counts, gap });
+fusion_core::memory!(Counts { epochs, refused_samples, coasted, spikes; held_back });
 
 impl RunObserver for Counters {
     fn memory(&mut self) -> Option<&mut dyn Memory> {
@@ -91,36 +72,77 @@ impl RunObserver for Counters {
 
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
-            RunEvent::Estimate { filter, .. } => self.epochs += u64::from(filter.is_outermost()),
-            RunEvent::Filter { filter, event } => match event {
-                Event::Started { belief, .. } if filter.is_outermost() => {
-                    self.started = Some(belief.time.seconds());
-                    self.start_angle = least_known(filter, belief);
-                }
+            RunEvent::Estimate { filter, .. } => self.counts.epochs += u64::from(filter.is_outermost()),
+            RunEvent::Filter { filter, event } if filter.is_outermost() => match event {
                 Event::Discarded {
-                    why: Discard::BeforeStart, ..
+                    why: Discard::BeforeStart | Discard::Late { .. },
+                    ..
                 } => {}
-                Event::Discarded { consumer, why, .. } => {
-                    if filter.is_outermost() && *consumer == PROCESS {
-                        self.refuse(why);
-                    }
-                    self.not_used(filter.named(consumer));
+                Event::Discarded { consumer, why, .. } if *consumer == PROCESS => {
+                    self.counts.spikes += u64::from(matches!(why, Discard::Spike { .. }));
+                    self.counts.refused_samples += 1;
                 }
-                Event::Coasting { since, time } if filter.is_outermost() => self.gap = time.seconds_since(*since),
-                Event::Resumed { since, time } | Event::Stopped { since, time } if filter.is_outermost() => {
-                    self.coasted += time.seconds_since(*since);
+                Event::Coasting { since, time } => self.gap = time.seconds_since(*since),
+                Event::Resumed { since, time } | Event::Stopped { since, time } => {
+                    self.counts.coasted += time.seconds_since(*since);
                     self.gap = 0.0;
-                }
-                Event::Failed { .. } if self.failures.len() >= REASONS => self.further_failures += 1,
-                Event::Failed { error } => {
-                    let why = error.to_string();
-                    let stage = filter.stages.join(".");
-                    self.failures.push(if stage.is_empty() { why } else { format!("{stage}: {why}") });
                 }
                 _ => {}
             },
-            RunEvent::Row(_) | RunEvent::Outside { .. } | RunEvent::Reference { .. } | RunEvent::Truth { .. } => {}
+            _ => {}
         }
         Ok(())
+    }
+}
+
+impl SectionObserver for Counters {
+    fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<Entry, Halt> {
+        let runner = &end.assembly.runner;
+        let counts = Counts {
+            held_back: if runner.rewinds().is_some() { 0.0 } else { runner.lag() },
+            coasted: self.counts.coasted + self.gap,
+            ..self.counts
+        };
+        Ok(counts.into())
+    }
+}
+
+/// Rows that came too late or held NaN, of all filters.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct UnusedRows {
+    /// By consumer: `stage.consumer` inside a stage.
+    pub by_consumer: Vec<(String, u64)>,
+}
+
+fusion_core::memory!(UnusedRows { by_consumer });
+
+impl Section for UnusedRows {
+    const NAME: &'static str = "unused_rows";
+}
+
+impl RunObserver for UnusedRows {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        let RunEvent::Filter { filter, event } = event else { return Ok(()) };
+        if let Event::Discarded { consumer, why, .. } = event
+            && !matches!(why, Discard::BeforeStart)
+        {
+            let consumer = filter.named(consumer);
+            match self.by_consumer.iter_mut().find(|(name, _)| *name == consumer) {
+                Some((_, count)) => *count += 1,
+                None => self.by_consumer.push((consumer, 1)),
+            }
+        }
+        Ok(())
+    }
+}
+
+impl SectionObserver for UnusedRows {
+    fn finish(self: Box<Self>, _: &RunEnd<'_>) -> Result<Entry, Halt> {
+        Ok((*self).into())
     }
 }

@@ -168,7 +168,7 @@ impl Filters {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::observe::{Counters, Hub};
+    use crate::observe::{Failures, Hub, UnusedRows};
     use fusion_core::filter::FilterError;
     use fusion_core::runner::{Discard, Observer, RowId};
     use fusion_core::time::Time;
@@ -205,9 +205,10 @@ mod tests {
         let names: Vec<&str> = filters.sensors().map(|s| s.name.as_str()).collect();
         assert_eq!(names, ["height", "outer.height", "outer.inner.height"]);
         assert_eq!(filters.iter().map(|f| f.first_sensor).collect::<Vec<_>>(), [0, 1, 2]);
-        let mut counters = Counters::default();
+        let (mut unused, mut failures) = (UnusedRows::default(), Failures::default());
         let mut hub = Hub::new(&filters, None);
-        hub.add(&mut counters);
+        hub.add(&mut unused);
+        hub.add(&mut failures);
         let row = RowId {
             stream: 0,
             number: 0,
@@ -239,17 +240,19 @@ mod tests {
             })
             .unwrap();
         }
+        drop(hub);
         let why = FilterError::Diverged(Time::default());
         let counted = [("outer.inner.height".to_owned(), 1), ("height".to_owned(), 1)];
-        assert_eq!(counters.unused_rows, counted);
-        assert_eq!(counters.failures, [format!("outer.inner: {why}"), why.to_string()]);
-        assert_eq!(counters.further_failures, 0);
+        assert_eq!(unused.by_consumer, counted);
+        assert_eq!(failures.first, [format!("outer.inner: {why}"), why.to_string()]);
+        assert_eq!(failures.further, 0);
         // Failures after the tenth are counted.
         let mut hub = Hub::new(&filters, None);
-        hub.add(&mut counters);
+        hub.add(&mut failures);
         for _ in 0..11 {
             hub.on(&failed).unwrap();
         }
-        assert_eq!((counters.failures.len(), counters.further_failures), (10, 3));
+        drop(hub);
+        assert_eq!((failures.first.len(), failures.further), (10, 3));
     }
 }

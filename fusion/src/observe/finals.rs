@@ -1,13 +1,14 @@
-//! The parameters of the filters inside stages, at the end of a run.
+//! The parameters at the end of a run.
 
-use super::{Filters, Heard, RunEvent, RunObserver};
+use super::{Entry, Filters, Heard, Listed, RunEnd, RunEvent, RunObserver, SectionObserver, Summary};
 use fusion_core::belief::Belief;
 use fusion_core::covariance::FormKind;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::Halt;
-use fusion_core::state::{Dynamics, Kind, Layout, StateRole};
+use fusion_core::state::{Block, Dynamics, Kind, Layout, StateRole};
 use fusion_core::time::Time;
 use serde::Serialize;
+use std::sync::Arc;
 
 /// The state of one parameter at the end of a run.
 #[derive(Clone, Debug, Serialize)]
@@ -34,8 +35,7 @@ pub struct FinalState {
 impl FinalState {
     /// The state of every block of `layout` that the process does not move.
     pub fn of(layout: &Layout, last: &Belief) -> Vec<Self> {
-        let parameters = layout.blocks().iter().filter(|b| b.role != StateRole::Kinematic);
-        let state = |b: &fusion_core::state::Block| Self {
+        let state = |b: &Block| Self {
             name: b.name.clone(),
             kind: b.kind,
             value: last.x[b.storage_range()].to_vec(),
@@ -47,16 +47,42 @@ impl FinalState {
             covariance: last.covariance.block(b),
             unit: b.unit,
         };
-        parameters.map(state).collect()
+        parameters(layout).map(state).collect()
     }
 }
 
-/// Keeps the last estimate of every filter inside a stage.
+/// The blocks that the process does not move.
+fn parameters(layout: &Layout) -> impl Iterator<Item = &Block> {
+    layout.blocks().iter().filter(|b| b.role != StateRole::Kinematic)
+}
+
+impl Listed for FinalState {
+    const NAME: &'static str = "parameters";
+}
+
+impl Summary {
+    /// Estimated parameters at the end.
+    #[must_use]
+    pub fn parameters(&self) -> &[FinalState] {
+        self.list()
+    }
+}
+
+/// Makes the parameters of all filters at the end of a run. It keeps the last estimate of every filter inside a stage;
+/// the runner has that of the outermost.
 #[derive(Debug)]
-pub struct Finals<'a> {
-    filters: &'a Filters,
+pub struct Finals {
     /// By filter; unused for the outermost filter.
-    last: Box<[Last]>,
+    inside: Box<[Inside]>,
+}
+
+/// A filter inside a stage.
+#[derive(Debug)]
+struct Inside {
+    /// The names of its blocks, after the names of its stages.
+    names: Vec<String>,
+    layout: Arc<Layout>,
+    last: Last,
 }
 
 /// The last estimate of a filter.
@@ -68,46 +94,63 @@ enum Last {
     Kept(Vec<FinalState>),
 }
 
-impl<'a> Finals<'a> {
+impl Finals {
     /// Without an estimate yet.
     #[must_use]
-    pub fn new(filters: &'a Filters) -> Self {
-        let last = filters.iter().map(|_| Last::None).collect();
-        Self { filters, last }
-    }
-
-    /// The parameters, each name after the names of its stages.
-    #[must_use]
-    pub fn finish(self) -> Vec<FinalState> {
-        let ended = self.filters.iter().zip(&self.last);
-        let states = ended.filter_map(|(filter, last)| Some((filter, last.states(filter)?)));
-        let named = states.flat_map(|(filter, states)| {
-            states.into_iter().map(|state| FinalState {
-                name: filter.named(&state.name),
-                ..state
-            })
-        });
-        named.collect()
-    }
-}
-
-impl Last {
-    fn states(&self, filter: &Heard) -> Option<Vec<FinalState>> {
-        match self {
-            Self::None => None,
-            Self::Told(belief) => Some(FinalState::of(&filter.layout, belief)),
-            Self::Kept(states) => Some(states.clone()),
+    pub fn new(filters: &Filters) -> Self {
+        let inside = |filter: &Heard| Inside {
+            names: parameters(&filter.layout).map(|block| filter.named(&block.name)).collect(),
+            layout: filter.layout.clone(),
+            last: Last::None,
+        };
+        Self {
+            inside: filters.iter().map(inside).collect(),
         }
     }
 
-    fn remember(&mut self, filter: &Heard, tape: &mut Tape<'_>) {
-        let known = self.states(filter);
+    /// Without the filters inside stages.
+    #[must_use]
+    pub fn of_outermost() -> Self {
+        Self { inside: Box::default() }
+    }
+
+    /// The parameters of the filters inside stages, each name after the names of its stages.
+    fn inside(&self) -> Vec<FinalState> {
+        self.inside.iter().filter_map(Inside::named).flatten().collect()
+    }
+}
+
+impl Inside {
+    fn states(&self) -> Option<Vec<FinalState>> {
+        match &self.last {
+            Last::None => None,
+            Last::Told(belief) => Some(FinalState::of(&self.layout, belief)),
+            Last::Kept(states) => Some(states.clone()),
+        }
+    }
+
+    fn named(&self) -> Option<Vec<FinalState>> {
+        let states = self.states()?.into_iter().zip(&self.names);
+        Some(
+            states
+                .map(|(state, name)| FinalState {
+                    name: name.clone(),
+                    ..state
+                })
+                .collect(),
+        )
+    }
+}
+
+impl Memory for Inside {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let known = self.states();
         let mut is_some = known.is_some();
         is_some.remember(tape);
         let blank = || {
             FinalState::of(
-                &filter.layout,
-                &Belief::initial(&filter.layout, &FormKind::Joseph.form(), Time::default()),
+                &self.layout,
+                &Belief::initial(&self.layout, &FormKind::Joseph.form(), Time::default()),
             )
         };
         let mut states = if is_some { known.unwrap_or_else(blank) } else { Vec::new() };
@@ -117,19 +160,18 @@ impl Last {
             tape.numbers(&mut state.covariance);
         }
         if tape.is_reading() {
-            *self = if is_some { Self::Kept(states) } else { Self::None };
+            self.last = if is_some { Last::Kept(states) } else { Last::None };
         }
     }
 }
 
-impl Memory for Finals<'_> {
+impl Memory for Finals {
     fn remember(&mut self, tape: &mut Tape<'_>) {
-        let both = self.filters.iter().zip(&mut self.last);
-        both.for_each(|(filter, last)| last.remember(filter, tape));
+        self.inside.iter_mut().for_each(|filter| filter.remember(tape));
     }
 }
 
-impl RunObserver for Finals<'_> {
+impl RunObserver for Finals {
     fn memory(&mut self) -> Option<&mut dyn Memory> {
         Some(self)
     }
@@ -137,13 +179,27 @@ impl RunObserver for Finals<'_> {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         if let RunEvent::Estimate { filter, belief, .. } = event
             && !filter.is_outermost()
+            && let Some(inside) = self.inside.get_mut(filter.number)
         {
-            match &mut self.last[filter.number] {
+            match &mut inside.last {
                 Last::Told(last) => last.clone_from(belief),
                 other => *other = Last::Told((*belief).clone()),
             }
         }
         Ok(())
+    }
+}
+
+impl SectionObserver for Finals {
+    fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<Entry, Halt> {
+        let runner = &end.assembly.runner;
+        let mut parameters = if runner.started() {
+            FinalState::of(&end.assembly.layout, runner.belief())
+        } else {
+            Vec::new()
+        };
+        parameters.extend(self.inside());
+        Ok(parameters.into())
     }
 }
 
@@ -191,7 +247,7 @@ mod tests {
         let mut again = Vec::new();
         save(&mut twin, &mut again);
         assert_eq!(again, bytes);
-        let found = twin.finish().remove(0);
+        let found = twin.inside().remove(0);
         assert_eq!((found.name.as_str(), &found.value[..]), ("inner.gyro_bias", &[0.01, 0.0, 0.0][..]));
         assert_eq!(found.sigma, [0.02; 3]);
     }

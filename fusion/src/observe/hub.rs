@@ -1,7 +1,7 @@
 //! Turns the events of a runner into those of a run.
 
 use super::wait::Waiting;
-use super::{Filters, RunEvent, RunObserver, Wait};
+use super::{Filters, RunEnd, RunEvent, RunObserver, SectionObserver, Summary};
 use crate::rows::Row;
 use crate::score::{Comparison, ReferenceEpoch};
 use crate::solution::{SolutionReader, Turning};
@@ -21,15 +21,42 @@ pub struct Hub<'a> {
     turnings: Box<[Turning]>,
     /// True states of the outermost filter that its estimates have not reached yet.
     truths: VecDeque<(Time, Vec<f64>)>,
-    observers: Vec<&'a mut dyn RunObserver>,
+    observers: Observers<'a>,
     waiting: Waiting,
     /// Hears the current estimates, before later rows come.
     current: Option<Box<Self>>,
 }
 
+/// The observers of a hub: first those that make a section, in the order of their sections.
+#[derive(Default)]
+struct Observers<'a> {
+    of_sections: Vec<Box<dyn SectionObserver + 'a>>,
+    others: Vec<&'a mut dyn RunObserver>,
+}
+
+impl<'a> Observers<'a> {
+    fn iter(&self) -> impl Iterator<Item = &(dyn RunObserver + 'a)> {
+        let of_sections = self.of_sections.iter().map(|observer| &**observer as &(dyn RunObserver + 'a));
+        of_sections.chain(self.others.iter().map(|observer| &**observer))
+    }
+
+    fn iter_mut(&mut self) -> impl Iterator<Item = &mut (dyn RunObserver + 'a)> {
+        let of_sections = self
+            .of_sections
+            .iter_mut()
+            .map(|observer| &mut **observer as &mut (dyn RunObserver + 'a));
+        of_sections.chain(self.others.iter_mut().map(|observer| &mut **observer))
+    }
+
+    /// Passes an event to each observer in turn; the first error stops.
+    fn tell(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        self.iter_mut().try_for_each(|observer| observer.on(event))
+    }
+}
+
 impl core::fmt::Debug for Hub<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "{} observers of {} filters", self.observers.len(), self.readers.len())
+        write!(f, "{} observers of {} filters", self.observers.iter().count(), self.readers.len())
     }
 }
 
@@ -44,7 +71,7 @@ impl<'a> Hub<'a> {
             comparisons: filters.iter().filter_map(|_| comparison.cloned()).collect(),
             turnings: filters.iter().map(|f| Turning::new(&f.layout, f.process.clone())).collect(),
             truths: VecDeque::new(),
-            observers: Vec::new(),
+            observers: Observers::default(),
             waiting: Waiting::default(),
             current: None,
         }
@@ -52,7 +79,12 @@ impl<'a> Hub<'a> {
 
     /// Adds an observer.
     pub fn add(&mut self, observer: &'a mut dyn RunObserver) {
-        self.observers.push(observer);
+        self.observers.others.push(observer);
+    }
+
+    /// Adds an observer that makes a section.
+    pub(crate) fn add_section(&mut self, observer: Box<dyn SectionObserver + 'a>) {
+        self.observers.of_sections.push(observer);
     }
 
     /// Adds a hub that hears current estimates: those of the filter just after its newest row was used. It hears no
@@ -84,10 +116,37 @@ impl<'a> Hub<'a> {
         self.current.as_mut().map_or(Ok(()), |current| current.resume())
     }
 
-    /// The wait of the outermost filter before its first start; `None` if it never started.
-    #[must_use]
-    pub fn waited(&mut self) -> Option<Wait> {
-        core::mem::take(&mut self.waiting).finish()
+    /// The sections of all observers at the end of a run.
+    ///
+    /// # Errors
+    /// The first error of an observer, or two sections with the same key.
+    pub(crate) fn sections(mut self, end: &RunEnd<'_>) -> Result<Summary, Halt> {
+        let observers = core::mem::take(&mut self.observers.of_sections);
+        let mut summary = Summary::default();
+        for observer in observers {
+            let section = observer.finish(end)?;
+            if let Some(key) = summary.has_key_of(&section) {
+                return Err(format!("two observers make the section `{key}`").into());
+            }
+            summary.put(section);
+        }
+        Ok(summary)
+    }
+
+    /// The result of a run that has come to its `end`. Before any section is made, observers share their figures.
+    ///
+    /// # Errors
+    /// The first error of an observer, or two sections with the same key.
+    pub(crate) fn result(mut self, mut end: RunEnd<'_>) -> Result<Summary, Halt> {
+        end.waited = core::mem::take(&mut self.waiting).finish();
+        self.observers
+            .of_sections
+            .iter()
+            .for_each(|observer| observer.share(&mut end.shared));
+        if let Some(current) = self.current.take() {
+            end.current = Some(current.sections(&end)?);
+        }
+        self.sections(&end)
     }
 
     /// Hears a row that is about to be fed, and what the filter waits for if it has not started.
@@ -96,7 +155,7 @@ impl<'a> Hub<'a> {
     /// The first error of an observer.
     pub fn row(&mut self, row: &Row<'_>, waits_for: impl FnOnce() -> Vec<(String, String)>) -> Result<(), Halt> {
         self.waiting.row(row.time, waits_for);
-        tell(&mut self.observers, &RunEvent::Row(row))
+        self.observers.tell(&RunEvent::Row(row))
     }
 
     /// Hears a row that is not fed, because it is before or after the run.
@@ -104,7 +163,7 @@ impl<'a> Hub<'a> {
     /// # Errors
     /// The first error of an observer.
     pub fn outside(&mut self, row: &Row<'_>, is_after: bool) -> Result<(), Halt> {
-        tell(&mut self.observers, &RunEvent::Outside { row, is_after })
+        self.observers.tell(&RunEvent::Outside { row, is_after })
     }
 
     /// An epoch of a reference that comes along with the data.
@@ -156,7 +215,7 @@ impl<'a> Hub<'a> {
                     epoch: &epoch,
                     error: None,
                 };
-                tell(&mut self.observers, &event)?;
+                self.observers.tell(&event)?;
             }
         }
         self.current.as_mut().map_or(Ok(()), |current| current.finish())
@@ -196,7 +255,7 @@ impl Observer for Hub<'_> {
             self.begin(filter.number);
         }
         let Event::Estimate { belief } = event else {
-            return tell(&mut self.observers, &RunEvent::Filter { filter, event });
+            return self.observers.tell(&RunEvent::Filter { filter, event });
         };
         let (reader, mut comparison) = (&mut self.readers[filter.number], self.comparisons.get_mut(filter.number));
         // A comparison needs every solution.
@@ -205,7 +264,7 @@ impl Observer for Hub<'_> {
             None => reader.solved(belief),
         };
         let estimate = RunEvent::Estimate { filter, solution, belief };
-        tell(&mut self.observers, &estimate)?;
+        self.observers.tell(&estimate)?;
         if filter.is_outermost() {
             // Between two estimates a state is not estimated: a truth is compared only with an estimate of the same
             // time.
@@ -216,7 +275,7 @@ impl Observer for Hub<'_> {
                         belief,
                         truth: &truth,
                     };
-                    tell(&mut self.observers, &known)?;
+                    self.observers.tell(&known)?;
                 }
             }
         }
@@ -225,12 +284,7 @@ impl Observer for Hub<'_> {
         let turning = self.turnings.get_mut(filter.number).filter(|_| comparison.wants_rate());
         let rate = turning.and_then(|turning| turning.rate(belief));
         comparison.reach(solution, rate, |epoch, error| {
-            tell(observers, &RunEvent::Reference { filter, epoch, error })
+            observers.tell(&RunEvent::Reference { filter, epoch, error })
         })
     }
-}
-
-/// Passes an event to each observer in turn; the first error stops.
-fn tell(observers: &mut [&mut dyn RunObserver], event: &RunEvent<'_>) -> Result<(), Halt> {
-    observers.iter_mut().try_for_each(|o| o.on(event))
 }

@@ -13,7 +13,7 @@
 //! Not here   which 1σ is wrong, that of the sensor or that of the calibration: both make innovations too large
 
 use super::page::Page;
-use super::{Filters, Heard, RunEvent, RunObserver};
+use super::{Entry, Filters, Heard, Listed, RunEnd, RunEvent, RunObserver, SectionObserver, Summary};
 use core::ops::Range;
 use fusion_core::belief::Belief;
 use fusion_core::consistency::chi_square_quantile;
@@ -110,14 +110,32 @@ impl Excesses {
     }
 
     /// For each sensor, the stretch in which a calibration moved farthest. Sensors without a far move are left out.
-    #[must_use]
-    pub fn finish(self) -> Vec<Excess> {
+    fn excesses(self) -> Vec<Excess> {
         let all = self.0.into_iter().flat_map(|mut filter| {
             filter.close_all();
             filter.sensors
         });
         all.filter_map(|sensor| Some(sensor.worst).filter(|worst| !worst.moved.is_empty()))
             .collect()
+    }
+}
+
+impl Listed for Excess {
+    const NAME: &'static str = "excesses";
+}
+
+impl SectionObserver for Excesses {
+    fn finish(self: Box<Self>, _: &RunEnd<'_>) -> Result<Entry, Halt> {
+        Ok(self.excesses().into())
+    }
+}
+
+impl Summary {
+    /// For each sensor: of all stretches with innovations larger than chance allows, the stretch in which a
+    /// calibration moved farthest. Empty for one of many runs.
+    #[must_use]
+    pub fn excesses(&self) -> &[Excess] {
+        self.list()
     }
 }
 
@@ -501,7 +519,7 @@ mod tests {
                 all = twin;
             }
         }
-        all.finish()
+        all.excesses()
     }
 
     /// The mean of a consistent filter is 3.

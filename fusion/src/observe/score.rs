@@ -1,11 +1,12 @@
 //! The score of a filter, from the errors that are reported.
 
-use super::{Heard, RunEvent, RunObserver};
+use super::{Entry, Heard, Listed, RunEnd, RunEvent, RunObserver, RunStart, Section, SectionObserver, Summary};
 use crate::score::{BlockScorer, Rules, Score, Scorer};
 use fusion_core::filter::{Update, Verdict};
 use fusion_core::math;
-use fusion_core::memory::Memory;
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt};
+use serde::Serialize;
 
 /// Scores one filter.
 #[derive(Debug)]
@@ -30,14 +31,94 @@ impl FilterScore {
         }
     }
 
-    /// The score of a filter that was aligned at that time \[s\], if ever.
-    #[must_use]
-    pub fn finish(mut self, aligned: Option<f64>) -> Score {
-        self.scorer.align(aligned);
+    /// The score at the end of a run.
+    fn score(mut self, end: &RunEnd<'_>) -> Score {
+        self.scorer.align(end.shared.aligned.get(self.filter).copied().flatten());
         Score {
             blocks: self.blocks.finish(),
             ..self.scorer.finish()
         }
+    }
+}
+
+impl Section for Score {
+    const NAME: &'static str = "score";
+}
+
+impl SectionObserver for FilterScore {
+    fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<Entry, Halt> {
+        Ok(self.score(end).into())
+    }
+}
+
+/// The score of a filter inside a stage. Its sensors and parameters are listed with those of the other filters.
+#[derive(Clone, Debug, Serialize)]
+pub struct InsideScore {
+    /// The stage's name, after those of the stages around it, with dots.
+    pub filter: String,
+    /// Its score against the reference.
+    pub score: Score,
+}
+
+impl Listed for InsideScore {
+    const NAME: &'static str = "inside";
+}
+
+impl Summary {
+    /// The score against the reference; `None` without a reference.
+    #[must_use]
+    pub fn score(&self) -> Option<&Score> {
+        self.get()
+    }
+
+    /// The scores of the filters inside stages.
+    #[must_use]
+    pub fn inside(&self) -> &[InsideScore] {
+        self.list()
+    }
+}
+
+/// Scores the filters inside stages.
+#[derive(Debug)]
+pub struct InsideScores {
+    /// By filter; its name, and its score.
+    filters: Box<[(String, FilterScore)]>,
+}
+
+impl InsideScores {
+    /// The scores of all filters of a run but the outermost; none without a reference.
+    #[must_use]
+    pub fn new(start: &RunStart<'_>) -> Self {
+        let inside = start.filters.iter().filter(|filter| !filter.is_outermost());
+        let scores = inside.filter_map(|filter| Some((filter.stages.join("."), start.score(filter)?)));
+        Self { filters: scores.collect() }
+    }
+}
+
+impl Memory for InsideScores {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.filters.iter_mut().for_each(|(_, score)| score.remember(tape));
+    }
+}
+
+impl RunObserver for InsideScores {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        self.filters.iter_mut().try_for_each(|(_, score)| score.on(event))
+    }
+}
+
+impl SectionObserver for InsideScores {
+    fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<Entry, Halt> {
+        let filters = self.filters.into_iter();
+        let scores = filters.map(|(filter, score)| InsideScore {
+            filter,
+            score: score.score(end),
+        });
+        Ok(scores.collect::<Vec<_>>().into())
     }
 }
 

@@ -8,22 +8,48 @@
 //!
 //! The estimates asked for are those with a row in the file, and those on both sides of an epoch of the reference.
 
-use super::{Hub, RunEvent, RunObserver, Thinning};
+use super::{Entry, Hub, RunEnd, RunEvent, RunObserver, Section, SectionObserver, Summary, Thinning};
+use crate::score::Score;
 use fusion_core::belief::Belief;
 use fusion_core::filter::Step;
 use fusion_core::memory::{self, Memory};
 use fusion_core::runner::{Event, Halt, Observer};
 use fusion_core::smoother::{FixedInterval, FixedLag, Link, Tape};
 use fusion_core::time::Time;
+use serde::Serialize;
 use std::collections::VecDeque;
+
+/// The estimates smoothed with later data.
+#[derive(Clone, Debug, Serialize)]
+pub struct Smoothed {
+    /// Lag: data up to this time after an estimate were used \[s\]; `None` for the whole log.
+    pub lag: Option<f64>,
+    /// Number of smoothed estimates: those with a row in smoothed.csv, and those around an epoch of the
+    /// reference.
+    pub estimates: u64,
+    /// Their score against the reference.
+    pub score: Option<Score>,
+}
+
+impl Section for Smoothed {
+    const NAME: &'static str = "smoothed";
+}
+
+impl Summary {
+    /// The smoothed estimates, if they were requested.
+    #[must_use]
+    pub fn smoothed(&self) -> Option<&Smoothed> {
+        self.get()
+    }
+}
 
 /// The data by which estimates are smoothed.
 #[derive(Debug)]
 pub enum By {
     /// All of the log; the tape is for smoothed estimates.
     All(Box<FixedInterval>, Tape),
-    /// The data up to a lag after the estimate.
-    Lag(Box<FixedLag>),
+    /// The data up to a lag after the estimate \[s\].
+    Lag(Box<FixedLag>, f64),
 }
 
 /// Smooths the outermost filter and reports to separate observers, as a [`Hub`] does.
@@ -70,27 +96,6 @@ impl<'a> Smoother<'a> {
         }
     }
 
-    /// The end of the log: reports all remaining estimates. Returns the number of smoothed estimates.
-    ///
-    /// # Errors
-    /// The first error of an observer, or stored data that cannot be read back.
-    pub fn finish(mut self) -> Result<u64, Halt> {
-        self.settle_all()?;
-        let mut tell = told(&mut self.hub, &mut self.starts, &mut self.smoothed);
-        match self.by {
-            By::Lag(mut lag) => lag.finish(&mut tell)?,
-            By::All(interval, turned) => {
-                let mut smoothed = interval.smooth(turned)?;
-                while let Some(belief) = smoothed.read()? {
-                    tell(belief)?;
-                }
-            }
-        }
-        drop(tell);
-        self.hub.finish()?;
-        Ok(self.smoothed)
-    }
-
     fn step(&mut self, step: &Step) -> Result<(), Halt> {
         let Some(link) = Link::of(step) else { return Ok(()) };
         if self.latest.is_some() {
@@ -128,7 +133,7 @@ impl<'a> Smoother<'a> {
         {
             match &mut self.by {
                 By::All(interval, _) => interval.estimate(&asked.belief)?,
-                By::Lag(lag) => lag.estimate(&asked.belief),
+                By::Lag(lag, _) => lag.estimate(&asked.belief),
             }
         }
         let mut between = core::mem::take(&mut self.between);
@@ -141,7 +146,7 @@ impl<'a> Smoother<'a> {
     fn hand_on(&mut self, link: Link) -> Result<(), Halt> {
         match &mut self.by {
             By::All(interval, _) => interval.step(&link),
-            By::Lag(lag) => lag.step(link, &mut told(&mut self.hub, &mut self.starts, &mut self.smoothed)),
+            By::Lag(lag, _) => lag.step(link, &mut told(&mut self.hub, &mut self.starts, &mut self.smoothed)),
         }
     }
 
@@ -150,7 +155,7 @@ impl<'a> Smoother<'a> {
         self.starts.push_back(belief.time);
         match &mut self.by {
             By::All(interval, _) => interval.start(belief),
-            By::Lag(lag) => lag.start(belief, &mut told(&mut self.hub, &mut self.starts, &mut self.smoothed)),
+            By::Lag(lag, _) => lag.start(belief, &mut told(&mut self.hub, &mut self.starts, &mut self.smoothed)),
         }
     }
 
@@ -176,7 +181,7 @@ fn told<'h>(hub: &'h mut Hub<'_>, starts: &'h mut VecDeque<Time>, smoothed: &'h 
 /// Only with a lag: the data for smoothing by the whole log are as long as the log.
 impl Memory for Smoother<'_> {
     fn remember(&mut self, tape: &mut memory::Tape<'_>) {
-        if let By::Lag(lag) = &mut self.by {
+        if let By::Lag(lag, _) = &mut self.by {
             lag.remember(tape);
         }
         self.hub.remember(tape);
@@ -205,7 +210,7 @@ impl Memory for Smoother<'_> {
 
 impl RunObserver for Smoother<'_> {
     fn memory(&mut self) -> Option<&mut dyn Memory> {
-        let has_memory = matches!(self.by, By::Lag(_)) && self.hub.has_memory();
+        let has_memory = matches!(self.by, By::Lag(..)) && self.hub.has_memory();
         has_memory.then_some(self)
     }
 
@@ -244,5 +249,41 @@ impl RunObserver for Smoother<'_> {
 
     fn wants_steps(&self) -> bool {
         true
+    }
+}
+
+impl SectionObserver for Smoother<'_> {
+    /// The end of the log: reports all remaining estimates. Stored data that cannot be read back are an error.
+    fn finish(mut self: Box<Self>, end: &RunEnd<'_>) -> Result<Entry, Halt> {
+        self.settle_all()?;
+        let Self {
+            by,
+            mut hub,
+            mut starts,
+            mut smoothed,
+            ..
+        } = *self;
+        let mut tell = told(&mut hub, &mut starts, &mut smoothed);
+        let lag = match by {
+            By::Lag(mut smoother, lag) => {
+                smoother.finish(&mut tell)?;
+                Some(lag)
+            }
+            By::All(interval, turned) => {
+                let mut beliefs = interval.smooth(turned)?;
+                while let Some(belief) = beliefs.read()? {
+                    tell(belief)?;
+                }
+                None
+            }
+        };
+        drop(tell);
+        hub.finish()?;
+        let section = Smoothed {
+            lag,
+            estimates: smoothed,
+            score: hub.sections(end)?.score().cloned(),
+        };
+        Ok(section.into())
     }
 }

@@ -1,7 +1,7 @@
 //! The outcomes of each sensor's measurements: counts, rejection streaks of its gate, innovations.
 
 use super::page::Page;
-use super::{Filters, HeardSensor, RunEvent, RunObserver};
+use super::{Entry, Filters, HeardSensor, Listed, RunEnd, RunEvent, RunObserver, SectionObserver, Summary};
 use crate::score::{Consistency, Quantiles, Series};
 use core::ops::Range;
 use fusion_core::filter::{Update, Verdict};
@@ -122,11 +122,25 @@ impl Statistics {
                 .collect(),
         )
     }
+}
 
-    /// The statistics of the sensors of all filters, in order, for a run that ends at `end`.
+impl Listed for SensorStatistics {
+    const NAME: &'static str = "sensors";
+}
+
+impl SectionObserver for Statistics {
+    fn finish(self: Box<Self>, end: &RunEnd<'_>) -> Result<Entry, Halt> {
+        let last = end.assembly.runner.belief().time;
+        let sensors: Vec<SensorStatistics> = self.0.into_iter().map(|f| f.finish(last)).collect();
+        Ok(sensors.into())
+    }
+}
+
+impl Summary {
+    /// The sensors of all filters.
     #[must_use]
-    pub fn finish(self, end: Time) -> Vec<SensorStatistics> {
-        self.0.into_iter().map(|f| f.finish(end)).collect()
+    pub fn sensors(&self) -> &[SensorStatistics] {
+        self.list()
     }
 }
 

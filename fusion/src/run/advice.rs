@@ -3,6 +3,7 @@
 use super::Summary;
 use crate::config::{Diagnostic, Edit, did_you_mean};
 use crate::design::Design;
+use crate::observe::Listed;
 use core::fmt;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
@@ -34,6 +35,10 @@ impl Finding {
     }
 }
 
+impl Listed for Finding {
+    const NAME: &'static str = "findings";
+}
+
 /// The evidence and the advice.
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -60,10 +65,11 @@ pub struct Rule {
 ///         name: "short runs",
 ///         rules: &[Rule { id: "short-run", says: "The run has few epochs." }],
 ///         advise: |_design, summary, ignored| {
-///             let is_short = summary.epochs < 10 && !ignored.has("short-run");
+///             let epochs = summary.counts().epochs;
+///             let is_short = epochs < 10 && !ignored.has("short-run");
 ///             let short = is_short.then(|| Finding {
 ///                 about: "run".to_owned(),
-///                 evidence: format!("the run has {} epochs", summary.epochs),
+///                 evidence: format!("the run has {epochs} epochs"),
 ///                 advice: "record a longer log".to_owned(),
 ///                 ..Finding::of("short-run")
 ///             });

@@ -2,39 +2,35 @@
 
 mod advice;
 pub mod examine;
+mod faults;
 mod files;
+mod observers;
 mod recorded;
 mod reference;
 mod saving;
+mod sections;
 mod smoothing;
-mod summary;
 
-pub use crate::observe::FinalState;
+pub use crate::observe::{Counts, Failures, FinalState, InsideScore, Smoothed, Start, Summary, UnusedRows};
 pub use crate::rows::SourceStatistics;
 pub use advice::{Advisor, Finding, Ignored, Rule};
+pub use faults::FaultWindow;
 pub use files::Finished;
 pub use recorded::open_one;
 pub use saving::Checkpoints;
-pub use summary::{Current, Detector, FaultWindow, InsideScore, Smoothed, Summary};
+pub use sections::{Computation, Current, Detector, Effort, Identity, JudgedBy};
 
-use crate::assembly::{Assembly, assemble, declared_streams, stream_of};
+use crate::assembly::{Assembly, assemble, declared_streams};
 use crate::config::{Diagnostic, Diagnostics, Node};
-use crate::design::{Design, Fault, Named, ReferenceSpec, SourceDesign};
-use crate::health::HealthRecord;
-use crate::observe::{
-    Consumers, Counters, Excesses, FilterScore, Filters, Finals, Heard, Hub, Hypotheses, RunObserver, Smoother, Statistics, Timing,
-    sections,
-};
-use crate::provenance::Provenance;
-use crate::rows::{Carried, Feed, outages as silences};
-use crate::score::{Comparison, Outage};
+use crate::design::{Design, Named, ReferenceSpec, SourceDesign};
+use crate::observe::{Filters, Hub, RunEnd, RunObserver, Timing};
+use crate::rows::{Carried, Feed};
 use crate::solution::SolutionReader;
 use crate::source::Supply;
 use crate::world::{SimulatedRows, drawn_start};
 use files::Files;
 use fusion_core::runner::Runner;
 use fusion_core::time::Time;
-use fusion_models::fault::Window;
 use fusion_models::sim::SharedCourse;
 use reference::Reference;
 use saving::Saving;
@@ -195,85 +191,10 @@ impl<'a> Run<'a> {
     ) -> Result<Finished, Diagnostics> {
         let mut saving = Saving::begin(self.design, self.options)?;
         let filters = Filters::of(&self.assembly);
-        let reference = &mut self.data.reference;
-        let from = self.design.reference.as_ref().and_then(|r| r.block.from);
-        let from = from.map(|t| Time::from_seconds(t.si()));
-        let mut counters = Counters::default();
-        let mut consumers = Consumers::new(&self.assembly.runner);
-        let mut statistics = Statistics::new(&filters, from, &self.data.rows.disturbable());
-        let mut finals = Finals::new(&filters);
-        let mut hypotheses = Hypotheses::default();
-        let mut excesses = Excesses::new(&filters);
-        let scored = filters.iter().filter(|_| !reference.is_empty());
-        let (outages, many) = (outages(self.design, &self.assembly), self.is_one_of_many);
-        let mut health = HealthRecord::new(&filters, &self.assembly, &outages);
-        let rules = |filter: &Heard| {
-            reference.rules(
-                self.design,
-                &filter.layout,
-                if filter.is_outermost() { &outages } else { &[] },
-                many,
-            )
-        };
-        let rows = &self.data.rows;
-        let score = |f: &Heard| FilterScore::new(f, rules(f), |block| f.is_outermost() && rows.is_drawn(block));
-        let mut scores: Vec<FilterScore> = scored.map(score).collect();
         let planned = Planned::of(self.design, self.options);
-        let mut smoothed_score = filters
-            .outermost()
-            .filter(|_| planned.is_some() && !reference.is_empty())
-            .map(score);
-        let rewinds = self.assembly.runner.rewinds().is_some();
-        let outermost = filters.outermost().filter(|_| rewinds && !reference.is_empty());
-        let mut current_score =
-            outermost.map(|f| FilterScore::new(f, reference.rules(self.design, &f.layout, &[], many), |block| rows.is_drawn(block)));
         let mut files = Files::create(self.design, self.options, &filters, planned.is_some())?;
-        let comparison = reference.comparison();
-        let mut smoother = match planned {
-            None => None,
-            Some(planned) => {
-                let mut hub = Hub::new(&filters, comparison.as_ref().map(Comparison::emptied).as_ref());
-                smoothed.iter_mut().for_each(|observer| hub.add(*observer));
-                let by = planned.by(self.design, &self.assembly, &files)?;
-                Some(smoothing::smoother(
-                    self.design,
-                    by,
-                    self.assembly.runner.belief().clone(),
-                    hub,
-                    files.smoothed.as_mut(),
-                    smoothed_score.as_mut(),
-                ))
-            }
-        };
-        let mut further_sections = if self.is_one_of_many {
-            Vec::new()
-        } else {
-            sections(self.design, &filters)
-        };
-        let mut hub = Hub::new(&filters, comparison.as_ref());
-        hub.add(&mut counters);
-        hub.add(&mut statistics);
-        if !self.is_one_of_many {
-            hub.add(&mut consumers);
-            hub.add(&mut finals);
-            hub.add(&mut excesses);
-        }
-        hub.add(&mut health);
-        if self.design.filter.bank.is_some() {
-            hub.add(&mut hypotheses);
-        }
-        scores.iter_mut().for_each(|score| hub.add(score));
-        files.estimates.iter_mut().for_each(|file| hub.add(file));
-        files.updates.iter_mut().for_each(|file| hub.add(file));
-        smoother.iter_mut().for_each(|smoother| hub.add(smoother));
-        further_sections.iter_mut().for_each(|section| hub.add(section.as_mut()));
+        let mut hub = self.hub(&filters, (planned, &mut files), smoothed)?;
         further.iter_mut().for_each(|observer| hub.add(*observer));
-        if rewinds {
-            let mut current = Hub::new(&filters, comparison.as_ref());
-            current_score.iter_mut().for_each(|score| current.add(score));
-            files.current.iter_mut().for_each(|file| current.add(file));
-            hub.add_current(current);
-        }
         let mut reader = SolutionReader::new(&self.assembly.layout, self.assembly.process.clone());
         let mut timing = Timing::default();
         saving.resume((&mut self.assembly.runner, &mut hub, &mut timing), &mut self.data)?;
@@ -285,79 +206,15 @@ impl<'a> Run<'a> {
             &mut saving,
             progress,
         )?;
-        let waited = hub.waited();
-        let smoothed = smoother.map(Smoother::finish).transpose().map_err(stopped)?;
+        let (design, seed) = (self.design, self.options.seed);
+        let end = RunEnd::new((design, seed), &self.assembly, (&*self.data.rows, &timing));
+        let mut summary = hub.result(end).map_err(stopped)?;
         let files = files.finish()?;
-        let runner = &self.assembly.runner;
-        let (last, has_started) = (runner.belief(), runner.started());
-        let mut parameters = finals.finish();
-        if has_started {
-            parameters.splice(..0, FinalState::of(&self.assembly.layout, last));
-        }
-        let health = health.finish();
-        // Both are by the numbers of the filters, the outermost first.
-        let each: Vec<Option<f64>> = health.iter().map(|own| own.aligned).collect();
-        let aligned = each.first().copied().flatten();
-        let mut scores = scores.into_iter().zip(each).map(|(score, aligned)| score.finish(aligned));
-        let score = scores.next();
-        let inside = filters.iter().filter(|f| !f.is_outermost()).zip(scores);
-        let judge = crate::design::of_a_sensor(self.design);
-        let coasted = counters.coasted();
-        let mut summary = Summary {
-            description: self.design.run.description.clone(),
-            provenance: Provenance::of(self.design, self.options.seed),
-            findings: Vec::new(),
-            backend: self.design.filter.backend_name(),
-            kernel: self.design.filter.kernel.unwrap_or_default().name(),
-            health,
-            started: counters.started,
-            waited,
-            start_angle: counters.start_angle,
-            waiting: if has_started { Vec::new() } else { runner.waits_for() },
-            detectors: runner.tested().into_iter().map(Detector::from).collect(),
-            held_back: if rewinds { 0.0 } else { runner.lag() },
-            epochs: counters.epochs,
-            refused_samples: counters.refused,
-            coasted,
-            hypotheses: self.design.filter.bank.map(|_| hypotheses),
-            judged_by: judge.map(|(source, _)| source.to_owned()),
-            judged_by_used_rows: judge.is_some_and(|(_, is_used)| is_used),
-            score,
-            smoothed: planned.zip(smoothed).map(|(planned, estimates)| Smoothed {
-                lag: planned.lag(),
-                estimates,
-                score: smoothed_score.map(|score| score.finish(aligned)),
-            }),
-            current: runner.rewinds().map(|rewinds| Current {
-                score: current_score.map(|score| score.finish(aligned)),
-                rewinds: rewinds.count,
-                rows_again: rewinds.rows,
-                most_rows_again: rewinds.most,
-                longest_seconds: timing.longest(),
-                memory: rewinds.bytes,
-            }),
-            inside: inside
-                .map(|(f, score)| InsideScore {
-                    filter: f.stages.join("."),
-                    score,
-                })
-                .collect(),
-            sensors: statistics.finish(last.time),
-            excesses: excesses.finish(),
-            control: self.data.rows.record(),
-            faults: (counters.started).map_or_else(Vec::new, |from| fault_windows(self.design, from, last.time.seconds())),
-            sources: self.data.rows.statistics(),
-            parameters,
-            consumers: if self.is_one_of_many { Vec::new() } else { consumers.finish() },
-            unused_rows: counters.unused_rows,
-            spikes: counters.spikes,
-            sections: further_sections.into_iter().map(|section| section.finish()).collect(),
-            failures: counters.failures,
-            further_failures: counters.further_failures,
+        summary.put(Effort {
             wall_seconds: self.begun.elapsed().as_secs_f64(),
-            filter_ns_per_epoch: timing.ns_per_epoch(counters.epochs),
-        };
-        summary.findings = advice::findings(self.design, &summary, &self.options.ignored);
+            filter_ns_per_epoch: timing.ns_per_epoch(summary.counts().epochs),
+        });
+        summary.put(advice::findings(design, &summary, &self.options.ignored));
         let checkpoints = self.options.checkpoint.iter().map(|c| &c.file).chain(&self.options.resume);
         Ok(Finished {
             summary,
@@ -451,63 +308,6 @@ impl RunData {
             rows: Box::new(rows),
         })
     }
-}
-
-/// The declared faults of each stream.
-fn declared_faults(design: &Design) -> Vec<(&str, &[Fault])> {
-    let recorded = design
-        .sources
-        .iter()
-        .map(|named| (named.name.as_str(), named.block.faults.as_slice()));
-    let simulated = design.simulation.iter().flat_map(|s| &s.block.faults);
-    let simulated = simulated.map(|(stream, faults)| (stream_of(design, stream), faults.as_slice()));
-    if design.simulation.is_some() {
-        simulated.collect()
-    } else {
-        recorded.collect()
-    }
-}
-
-/// The greatest number of windows kept of a fault.
-const FAULT_WINDOWS: usize = 1000;
-
-/// The windows of all faults between two times \[s\], by their beginnings.
-fn fault_windows(design: &Design, from: f64, to: f64) -> Vec<FaultWindow> {
-    let [from, to] = [from, to].map(Time::from_seconds);
-    let streams = declared_faults(design).into_iter();
-    let all = streams.flat_map(|(stream, faults)| faults.iter().map(move |fault| (stream, fault)));
-    let windows = all.flat_map(|(stream, (name, fault))| {
-        let windows: Vec<Window> = fault.windows().within(Window { from, to }).take(FAULT_WINDOWS).collect();
-        windows.into_iter().map(move |w| FaultWindow {
-            stream: stream.to_owned(),
-            fault: name.clone(),
-            from: w.from.max(from).seconds(),
-            to: w.to.min(to).seconds(),
-        })
-    });
-    let mut windows: Vec<FaultWindow> = windows.collect();
-    windows.sort_by(|a, b| a.from.total_cmp(&b.from));
-    windows
-}
-
-/// The declared outages, each with the sensors of the outermost filter that read the silent stream.
-fn outages(design: &Design, assembly: &Assembly) -> Vec<Outage> {
-    let streams = declared_faults(design);
-    let reads = |name: &str| {
-        let stream = assembly.streams.iter().position(|s| s.name == name);
-        let sensors = assembly.runner.sensors().iter().enumerate();
-        let readers = sensors.filter(move |(_, sensor)| Some(sensor.port.stream) == stream);
-        readers.map(|(number, _)| number).collect()
-    };
-    let silent = streams
-        .into_iter()
-        .flat_map(|(name, faults)| silences(faults).map(move |w| (name, w)));
-    silent
-        .map(|(name, windows)| Outage {
-            windows: windows.clone(),
-            sensors: reads(name),
-        })
-        .collect()
 }
 
 /// Where relative source paths start.

@@ -1,12 +1,11 @@
 //! The smoother of a run.
 
-use super::files::{Files, thinning};
+use super::files::Files;
 use super::{Keep, Options, Smoothing};
 use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
-use crate::observe::{By, EstimateFile, FilterScore, Hub, Smoother};
-use fusion_core::belief::Belief;
+use crate::observe::By;
 use fusion_core::filter::Parts;
 use fusion_core::smoother::{FixedInterval, FixedLag, Shelf, Tape};
 use fusion_core::time::nanos;
@@ -30,14 +29,6 @@ impl Planned {
         }
     }
 
-    /// The lag \[s\], if there is one.
-    pub(super) const fn lag(self) -> Option<f64> {
-        match self {
-            Self::Lag(lag) => Some(lag),
-            Self::Whole(_) => None,
-        }
-    }
-
     /// The smoother itself.
     pub(super) fn by(self, design: &Design, assembly: &Assembly, files: &Files) -> Result<By, Diagnostics> {
         if design.filter.bank.is_some() {
@@ -47,7 +38,7 @@ impl Planned {
         let parts = Parts::from(design.filter.backend());
         let layout = assembly.layout.clone();
         let keep = match self {
-            Self::Lag(lag) => return Ok(By::Lag(Box::new(FixedLag::new(layout, &parts, nanos(lag))))),
+            Self::Lag(lag) => return Ok(By::Lag(Box::new(FixedLag::new(layout, &parts, nanos(lag))), lag)),
             Self::Whole(keep) => keep,
         };
         let tape = |name: &str| -> Result<Tape, Diagnostics> {
@@ -60,25 +51,6 @@ impl Planned {
         let interval = FixedInterval::new(layout, &parts, tape("steps")?);
         Ok(By::All(Box::new(interval), tape("smoothed")?))
     }
-}
-
-/// The smoother of a run; its observers are the file and the score.
-pub(super) fn smoother<'a>(
-    design: &Design,
-    by: By,
-    blank: Belief,
-    mut hub: Hub<'a>,
-    file: Option<&'a mut EstimateFile>,
-    score: Option<&'a mut FilterScore>,
-) -> Smoother<'a> {
-    let rows = file.is_some().then(|| thinning(design));
-    if let Some(score) = score {
-        hub.add(score);
-    }
-    if let Some(file) = file {
-        hub.add(file);
-    }
-    Smoother::new(by, hub, rows, blank)
 }
 
 fn no_folder() -> Diagnostics {

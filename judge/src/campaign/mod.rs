@@ -110,13 +110,13 @@ impl RunHealth {
 
 impl RunRow {
     fn new(run: u64, seed: u64, summary: &Summary) -> Self {
-        let score = summary.score.clone().unwrap_or_default();
+        let score = summary.score().cloned().unwrap_or_default();
         const UNKNOWN: Axes = Axes::all(f64::NAN);
         let axes = |a: Option<Axes>| a.unwrap_or(UNKNOWN);
         Self {
             run,
             seed,
-            epochs: summary.epochs,
+            epochs: summary.counts().epochs,
             rms: axes(score.position).rms,
             max: axes(score.position).max,
             velocity_rms: axes(score.velocity).rms,
@@ -127,14 +127,14 @@ impl RunRow {
             episodes: score.episodes,
             drift_rms: score.drift_rms,
             drift_percent: score.travelled.map(|t| t.from_origin_percent),
-            health: summary.health.first().map(RunHealth::of).unwrap_or_default(),
+            health: summary.health().first().map(RunHealth::of).unwrap_or_default(),
             convergence: score.convergence,
             blocks: score.blocks,
-            sensors: summary.sensors.clone(),
-            control: summary.control.clone(),
-            spikes: summary.spikes,
+            sensors: summary.sensors().to_vec(),
+            control: summary.control().cloned(),
+            spikes: summary.counts().spikes,
             drift: score.drift,
-            findings: summary.findings.clone(),
+            findings: summary.findings().to_vec(),
         }
     }
 }

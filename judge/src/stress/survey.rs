@@ -132,10 +132,10 @@ impl Survey {
             learnt.times.sort_unstable();
             learnt.times.dedup();
         }
-        let told = summary.sensors.iter().filter(|s| s.innovations.count > 0);
+        let told = summary.sensors().iter().filter(|s| s.innovations.count > 0);
         self.innovations = told.map(|s| (s.name.clone(), s.innovations.rms.clone())).collect();
-        self.declared = summary.faults.iter().map(|w| (w.from, w.to)).collect();
-        let mounting = summary.score.as_ref().and_then(|score| score.mounting_deg);
+        self.declared = summary.faults().iter().map(|w| (w.from, w.to)).collect();
+        let mounting = summary.score().and_then(|score| score.mounting_deg);
         let [roll, pitch, yaw] = mounting.unwrap_or_default().map(f64::to_radians);
         self.mounting = so3::from_rpy(roll, pitch, yaw);
         let epochs = core::mem::take(&mut self.epochs);

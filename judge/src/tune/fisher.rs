@@ -119,8 +119,8 @@ impl Trials<'_> {
         let mut recorder = Recorder::new(&self.densities);
         let summary = run_sharing(&design, &own.options, &SharedCourse::default(), &mut [&mut recorder])?;
         self.runs.fetch_add(1, Ordering::Relaxed);
-        let health = summary.health.iter().find(|h| h.filter.is_empty());
-        let aligned = health.and_then(|h| h.aligned).or(summary.started).unwrap_or(f64::INFINITY);
+        let health = summary.health().iter().find(|h| h.filter.is_empty());
+        let aligned = health.and_then(|h| h.aligned).or(summary.start().started).unwrap_or(f64::INFINITY);
         Ok((recorder.sensors, aligned + self.settings.settle))
     }
 

@@ -276,15 +276,15 @@ impl Share {
         let shift = self.shift(r);
         let smoothed = r.smoothed.as_deref().filter(|_| self.bands);
         let smoothed = smoothed
-            .zip(run.summary.smoothed.as_ref())
+            .zip(run.summary.smoothed())
             .map(|(r, s)| self.smoothed(r, s.score.as_ref()));
         let sensors = r.sensors.iter().filter(|s| !s.updates.is_empty());
         RunData {
             name: run.name.to_owned(),
-            quantities: self.quantities(r, run.summary.score.as_ref()),
+            quantities: self.quantities(r, run.summary.score()),
             path: self.path(r, &r.path),
             true_path: self.path(r, &r.true_path),
-            withheld: run.summary.judged_by.clone().filter(|_| !run.summary.judged_by_used_rows),
+            withheld: run.summary.judge().source.clone().filter(|_| !run.summary.judge().used_rows),
             smoothed,
             sensors: sensors.map(|s| self.sensor(s, run.summary, &shift)).collect(),
             inputs: r.inputs.iter().filter(|i| !i.trace.is_empty()).map(|i| self.input(i)).collect(),
@@ -295,7 +295,13 @@ impl Share {
             wanted: wanted(run.summary),
             asked: asked(run.summary, &shift),
             health: health(run.summary),
-            outages: run.summary.score.iter().flat_map(|s| &s.drift).map(|d| (d.from, d.to)).collect(),
+            outages: run
+                .summary
+                .score()
+                .into_iter()
+                .flat_map(|s| &s.drift)
+                .map(|d| (d.from, d.to))
+                .collect(),
             faults: faults(run.summary),
         }
     }
@@ -404,7 +410,7 @@ impl Share {
     }
 
     fn sensor(&self, s: &SensorTrack, summary: &Summary, shift: &Vector3<f64>) -> SensorData {
-        let statistics = summary.sensors.iter().find(|t| t.name == s.name);
+        let statistics = summary.sensors().iter().find(|t| t.name == s.name);
         let mut rows = statistics.map(residual_rows).unwrap_or_default();
         // A recording made by hand may have no statistics of its sensors, and no units with them.
         rows.truncate(s.rows);
@@ -493,7 +499,7 @@ fn difference(k: usize, own: f64, other: f64, shift: &Vector3<f64>) -> f64 {
 
 /// The heading commanded by a controller \[deg\]; NaN without a command.
 fn wanted(summary: &Summary) -> TableData {
-    let headings = summary.control.iter().flat_map(|record| &record.headings);
+    let headings = summary.control().into_iter().flat_map(|record| &record.headings);
     let (time, degrees) = headings.map(|(t, h)| (*t, h.map_or(f32::NAN, |h| h.to_degrees() as f32))).unzip();
     TableData::of(&Columns {
         time,
@@ -503,7 +509,7 @@ fn wanted(summary: &Summary) -> TableData {
 
 /// The path that the mission asked for, moved by `shift`.
 fn asked(summary: &Summary, shift: &Vector3<f64>) -> Vec<[[f64; 2]; 2]> {
-    let parts = summary.control.iter().flat_map(|record| &record.path);
+    let parts = summary.control().into_iter().flat_map(|record| &record.path);
     parts
         .map(|ends| ends.map(|[north, east]| [north + shift.x, east + shift.y]))
         .collect()
@@ -512,12 +518,12 @@ fn asked(summary: &Summary, shift: &Vector3<f64>) -> Vec<[[f64; 2]; 2]> {
 /// When which fault was at work.
 fn faults(summary: &Summary) -> Vec<(f64, f64, String)> {
     let name = |f: &FaultWindow| format!("{} of {}", f.fault, f.stream);
-    summary.faults.iter().map(|f| (f.from, f.to, name(f))).collect()
+    summary.faults().iter().map(|f| (f.from, f.to, name(f))).collect()
 }
 
 /// How the design's own filter was, from the first estimate on.
 fn health(summary: &Summary) -> Vec<(f64, f64, &'static str)> {
-    let spells = summary.health.first().map(FilterHealth::spells).unwrap_or_default();
+    let spells = summary.health().first().map(FilterHealth::spells).unwrap_or_default();
     spells.into_iter().map(|s| (s.from, s.to, s.state.word())).collect()
 }
 
@@ -573,10 +579,7 @@ mod tests {
                 until: 20.0,
                 ..FilterHealth::default()
             };
-            let summary = Summary {
-                health: vec![health],
-                ..Summary::default()
-            };
+            let summary = Summary::default().with(vec![health]);
             let run = Run {
                 name: "a",
                 recording: &recording,
@@ -624,10 +627,7 @@ mod tests {
             innovations,
             ..SensorStatistics::default()
         };
-        let summary = Summary {
-            sensors: vec![statistics],
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(vec![statistics]);
         let run = Run {
             name: "a",
             recording: &recording,

@@ -117,13 +117,13 @@ fn descriptions(title: &str, runs: &[Run<'_>]) -> Markup {
     let mut shown = vec![title, ""];
     let mut lines = Vec::new();
     for run in runs {
-        let text = run.summary.description.as_str();
+        let text = run.summary.identity().description.as_str();
         if !shown.contains(&text) {
             shown.push(text);
             lines.push(text);
         }
     }
-    let provenance = Provenance::common(runs.iter().map(|run| &run.summary.provenance)).line();
+    let provenance = Provenance::common(runs.iter().map(|run| &run.summary.identity().provenance)).line();
     html! {
         @for line in lines { p { (line) } }
         @if !provenance.is_empty() { p.provenance { (provenance) } }
@@ -132,7 +132,7 @@ fn descriptions(title: &str, runs: &[Run<'_>]) -> Markup {
 
 /// Errors of one run, or of several runs next to each other.
 fn result(runs: &[Run<'_>]) -> Markup {
-    if runs.iter().all(|r| r.summary.score.is_none()) {
+    if runs.iter().all(|r| r.summary.score().is_none()) {
         return html! { p { "No reference to score against." } (compared(runs)) };
     }
     compared(runs)
@@ -142,7 +142,7 @@ fn compared(runs: &[Run<'_>]) -> Markup {
     match runs {
         [] => html! {},
         [run] => {
-            let health = crate::health::section(&run.summary.health);
+            let health = crate::health::section(run.summary.health());
             let shown = Shown(run.summary);
             let first = [shown.verdict(), shown.look_next(usize::MAX), health];
             let all: Vec<_> = first.into_iter().chain(shown.errors()).collect();
@@ -172,7 +172,7 @@ fn numbers(runs: &[Run<'_>]) -> Markup {
         // The errors of a single run are its result, above the plots.
         let errors = if runs.len() > 1 { s.errors() } else { Vec::new() };
         let first = [s.facts()].into_iter().chain(errors);
-        let further = crate::section::all(&run.summary.sections);
+        let further = crate::section::all(run.summary);
         first
             .chain(s.measurements())
             .chain([s.estimated(), s.data()])

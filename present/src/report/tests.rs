@@ -2,7 +2,7 @@
 
 use super::{Frame, Recording, Run, render};
 use fusion::observe::{Filters, RunEvent, RunObserver};
-use fusion::run::Summary;
+use fusion::run::{Computation, Counts, Failures, Identity, Start, Summary};
 use fusion::score::{Comparison, EpochError, ReferenceEpoch};
 use fusion::solution::Solution;
 use fusion_core::filter::{Update, Verdict};
@@ -141,12 +141,19 @@ fn with_rows<'a>(update: Update<'a>, residual: &'a [f64], innovation_sigma: &'a 
 }
 
 fn summary() -> Summary {
-    Summary {
-        description: "A circle".to_owned(),
-        started: Some(0.0),
-        epochs: 1,
-        ..Summary::default()
-    }
+    Summary::default()
+        .with(Identity {
+            description: "A circle".to_owned(),
+            ..Identity::default()
+        })
+        .with(Start {
+            started: Some(0.0),
+            ..Start::default()
+        })
+        .with(Counts {
+            epochs: 1,
+            ..Counts::default()
+        })
 }
 
 #[test]
@@ -181,14 +188,23 @@ fn names_cannot_break_out_of_the_page() {
     let mut r = recording(2.0, 0.0);
     r.measurement(EVIL, Time::default(), None, &update(Verdict::Accepted, 1.0, 2.0, Mode::Track));
     r.input(EVIL, EVIL, Time::default(), &[1.0]);
-    let mut s = summary();
-    s.description = format!("{EVIL} described");
-    s.failures = vec![EVIL.to_owned()];
-    s.backend = EVIL.to_owned();
-    s.sensors = vec![fusion::observe::SensorStatistics {
-        name: EVIL.to_owned(),
-        ..Default::default()
-    }];
+    let s = summary()
+        .with(Identity {
+            description: format!("{EVIL} described"),
+            ..Identity::default()
+        })
+        .with(Failures {
+            first: vec![EVIL.to_owned()],
+            ..Failures::default()
+        })
+        .with(Computation {
+            backend: EVIL.to_owned(),
+            ..Computation::default()
+        })
+        .with(vec![fusion::observe::SensorStatistics {
+            name: EVIL.to_owned(),
+            ..Default::default()
+        }]);
     let page = render(
         EVIL,
         &[Run {

@@ -4,6 +4,7 @@ use super::*;
 use fusion::config::Document;
 use fusion::health::{FilterHealth, NamedReason, State, Transition};
 use fusion::observe::RejectionStreak;
+use fusion::run::Start;
 use fusion::score::Offset;
 use fusion_models::registry::{self, Role};
 
@@ -106,21 +107,19 @@ fn the_growth_of_a_process_is_of_settings_that_it_has() {
 #[test]
 fn a_sensor_is_forbidden_to_return_only_where_a_declared_fault_of_it_explains_that_it_disagreed() {
     let of = |stream: &str, to: f64, has_recovery: bool| {
-        let summary = Summary {
-            sensors: vec![SensorStatistics {
+        let summary = Summary::default()
+            .with(vec![SensorStatistics {
                 rejected: 10,
                 reacquired: 1,
                 reacquired_at: vec![40.0],
                 ..sensor(3.0)
-            }],
-            faults: vec![FaultWindow {
+            }])
+            .with(vec![FaultWindow {
                 stream: stream.to_owned(),
                 fault: "spoofer".to_owned(),
                 from: 20.0,
                 to,
-            }],
-            ..Summary::default()
-        };
+            }]);
         let gnss = Instrument {
             has_recovery,
             ..instrument(None)
@@ -137,11 +136,12 @@ fn a_sensor_is_forbidden_to_return_only_where_a_declared_fault_of_it_explains_th
 #[test]
 fn a_poor_start_is_helped_by_a_chart_only_where_the_process_moves_that_angle() {
     let of = |angle: &str, parameters: Vec<FinalState>| {
-        let summary = Summary {
-            start_angle: Some((angle.to_owned(), 1.8)),
-            parameters,
-            ..Summary::default()
-        };
+        let summary = Summary::default()
+            .with(Start {
+                start_angle: Some((angle.to_owned(), 1.8)),
+                ..Start::default()
+            })
+            .with(parameters);
         let advice = judged(&[], &summary).findings()[0].advice.clone();
         (advice.contains("iterated"), advice.contains("right_invariant"))
     };
@@ -176,11 +176,12 @@ fn headings_that_are_still_possible_at_the_end_are_told() {
             transitions: ends.iter().map(change).collect(),
             ..FilterHealth::default()
         };
-        let summary = Summary {
-            start_angle: Some(("heading_offset".to_owned(), 0.1)),
-            health: vec![health],
-            ..Summary::default()
-        };
+        let summary = Summary::default()
+            .with(Start {
+                start_angle: Some(("heading_offset".to_owned(), 0.1)),
+                ..Start::default()
+            })
+            .with(vec![health]);
         let judged = judged(&[], &summary);
         judged.findings().iter().map(ToString::to_string).collect::<Vec<_>>()
     };
@@ -232,14 +233,10 @@ fn biases_of_the_input_that_cannot_change_are_named_before_a_sensor_without_a_bi
     let of = |bias: Option<Bias>, lag_1: f64, constant_biases: &[String]| {
         let mut s = sensor(1.2);
         (s.innovations.lag_1, s.innovations.count) = (vec![lag_1], 300);
-        let summary = Summary {
-            sensors: vec![s],
-            score: Some(Score {
-                nees_position: Some(consistency(12.0)),
-                ..Score::default()
-            }),
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(vec![s]).with(Score {
+            nees_position: Some(consistency(12.0)),
+            ..Score::default()
+        });
         let instruments = [instrument(bias)];
         let judged = Judged {
             constant_biases,
@@ -267,15 +264,13 @@ fn what_explains_position_errors_is_not_said_of_a_velocity() {
         halves: [[-1.2, 0.0, 0.0], [-1.3, 0.0, 0.0]],
         ..Offset::default()
     };
-    let summary = Summary {
-        score: Some(Score {
+    let summary = Summary::default()
+        .with(Score {
             nees_velocity: Some(consistency(12.0)),
             offset: Some(offset),
             ..Score::default()
-        }),
-        sensors: vec![sensor(0.5)],
-        ..Summary::default()
-    };
+        })
+        .with(vec![sensor(0.5)]);
     let velocity = Instrument {
         measures: Some(Measures::Velocity),
         ..instrument(None)
@@ -288,17 +283,14 @@ fn what_explains_position_errors_is_not_said_of_a_velocity() {
 #[test]
 fn a_mounting_is_not_removed_where_the_reference_has_other_axes() {
     let of = |mean: f64| {
-        let summary = Summary {
-            score: Some(Score {
-                nees_attitude: Some(consistency(3000.0)),
-                attitude_deg: Some(Axes {
-                    mean: [0.0, 0.0, mean],
-                    ..Axes::all(mean)
-                }),
-                ..Score::default()
+        let summary = Summary::default().with(Score {
+            nees_attitude: Some(consistency(3000.0)),
+            attitude_deg: Some(Axes {
+                mean: [0.0, 0.0, mean],
+                ..Axes::all(mean)
             }),
-            ..Summary::default()
-        };
+            ..Score::default()
+        });
         judged(&[], &summary).findings()[0]
             .advice
             .contains("`remove_mean_mounting` would hide it")
@@ -334,14 +326,10 @@ fn repeating(nis: f64, independent: f64) -> (Instrument, SensorStatistics) {
 fn a_sensor_whose_measurements_repeat_each_other_comes_before_the_errors_that_it_explains() {
     let found = |nis: f64, independent: f64, nees: Option<f64>| {
         let (compass, s) = repeating(nis, independent);
-        let summary = Summary {
-            sensors: vec![sensor(0.9), s],
-            score: nees.map(|mean| Score {
-                nees_position: Some(consistency(mean)),
-                ..Score::default()
-            }),
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(vec![sensor(0.9), s]).with(nees.map(|mean| Score {
+            nees_position: Some(consistency(mean)),
+            ..Score::default()
+        }));
         let found = judged(&[super::instrument(Some(Bias::Correlated)), compass], &summary).findings();
         found.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
@@ -399,18 +387,19 @@ fn before_a_noise_is_lowered_an_error_that_is_constant_is_looked_for() {
 #[test]
 fn a_bank_that_turns_to_another_heading_late_is_told() {
     let of = |time: f64, angle: Option<f64>| {
-        let summary = Summary {
-            started: Some(100.0),
-            health: vec![FilterHealth {
+        let summary = Summary::default()
+            .with(Start {
+                started: Some(100.0),
+                ..Start::default()
+            })
+            .with(vec![FilterHealth {
                 until: 1100.0,
                 ..FilterHealth::default()
-            }],
-            hypotheses: Some(fusion::observe::Hypotheses {
+            }])
+            .with(fusion::observe::Hypotheses {
                 changes: vec![fusion::observe::Change { time, angle }],
                 ..fusion::observe::Hypotheses::default()
-            }),
-            ..Summary::default()
-        };
+            });
         let found = judged(&[], &summary).findings();
         found.iter().map(|f| f.evidence.clone()).collect::<Vec<_>>().join("\n")
     };
@@ -448,16 +437,13 @@ fn a_filter_that_was_lost_is_told_first_with_what_was_refused() {
             measurements,
             seconds: 70.0,
         };
-        let mut summary = Summary {
-            health: vec![health],
-            sensors: vec![SensorStatistics {
-                longest_rejection_streak: Some(streak),
-                ..sensor(0.3)
-            }],
-            ..Summary::default()
+        let mut sensor = SensorStatistics {
+            longest_rejection_streak: Some(streak),
+            ..sensor(0.3)
         };
-        summary.sensors[0].innovations.count = 500;
-        summary.sensors[0].innovations.lag_1 = vec![0.0];
+        sensor.innovations.count = 500;
+        sensor.innovations.lag_1 = vec![0.0];
+        let summary = Summary::default().with(vec![health]).with(vec![sensor]);
         let all = judged(&[instrument(None)], &summary).findings();
         all.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
@@ -481,14 +467,15 @@ fn a_filter_that_was_lost_is_told_first_with_what_was_refused() {
 #[test]
 fn a_hardly_known_heading_names_another_chart_where_the_attitude_is_wrong() {
     let of = |degrees: f64, nees: f64, is_invariant: bool, growth: &[String], instruments: &[Instrument]| {
-        let summary = Summary {
-            start_angle: Some(("attitude".to_owned(), degrees.to_radians())),
-            score: Some(Score {
+        let summary = Summary::default()
+            .with(Start {
+                start_angle: Some(("attitude".to_owned(), degrees.to_radians())),
+                ..Start::default()
+            })
+            .with(Score {
                 nees_attitude: Some(consistency(nees)),
                 ..Score::default()
-            }),
-            ..Summary::default()
-        };
+            });
         let judged = Judged {
             is_invariant,
             growth,
@@ -531,10 +518,10 @@ fn a_hardly_known_heading_names_another_chart_where_the_attitude_is_wrong() {
 #[test]
 fn a_start_without_a_heading_tells_what_decides_between_ahead_and_astern() {
     let of = |growth: &[String]| {
-        let summary = Summary {
+        let summary = Summary::default().with(Start {
             start_angle: Some(("heading_offset".to_owned(), 1.8)),
-            ..Summary::default()
-        };
+            ..Start::default()
+        });
         let judged = Judged {
             growth,
             ..judged(&[], &summary)

@@ -136,10 +136,7 @@ fn where_a_vehicle_stands_still_the_growth_between_two_stops_is_too_small() {
             limits: limits.iter().map(|l| (*l).to_owned()).collect(),
             ..instrument(None)
         };
-        let summary = Summary {
-            sensors: vec![sensor(nis)],
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(vec![sensor(nis)]);
         let judged = Judged {
             growth,
             ..judged(std::slice::from_ref(&constraint), &summary)

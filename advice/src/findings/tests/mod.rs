@@ -9,7 +9,7 @@ use super::errors::{bold_outages, far_outage};
 use super::instrument::Bias;
 use super::*;
 use fusion::observe::{ConsumerCounts, Disturbed};
-use fusion::run::FaultWindow;
+use fusion::run::{Counts, FaultWindow, JudgedBy, Start};
 use fusion::score::{Axes, Drift, Moved};
 use fusion_core::time::Time;
 use std::sync::LazyLock;
@@ -81,14 +81,10 @@ fn judged<'a>(instruments: &'a [Instrument], summary: &'a Summary) -> Judged<'a>
 }
 
 fn found(instrument: Instrument, sensor: SensorStatistics, nees: Option<f64>) -> Vec<String> {
-    let summary = Summary {
-        sensors: vec![sensor],
-        score: nees.map(|mean| Score {
-            nees_position: Some(consistency(mean)),
-            ..Score::default()
-        }),
-        ..Summary::default()
-    };
+    let summary = Summary::default().with(vec![sensor]).with(nees.map(|mean| Score {
+        nees_position: Some(consistency(mean)),
+        ..Score::default()
+    }));
     judged(&[instrument], &summary).findings().iter().map(ToString::to_string).collect()
 }
 
@@ -128,14 +124,15 @@ fn a_reference_outranks_innovations() {
 #[test]
 fn a_judge_of_the_same_receiver_shows_no_noise_that_is_too_large() {
     let of = |judged_by: Option<&str>| {
-        let summary = Summary {
-            judged_by: judged_by.map(str::to_owned),
-            score: Some(Score {
+        let summary = Summary::default()
+            .with(JudgedBy {
+                source: judged_by.map(str::to_owned),
+                ..JudgedBy::default()
+            })
+            .with(Score {
                 nees_position: Some(consistency(0.3)),
                 ..Score::default()
-            }),
-            ..Summary::default()
-        };
+            });
         let judged = Judged {
             linearises_once: false,
             ..judged(&[], &summary)
@@ -148,14 +145,15 @@ fn a_judge_of_the_same_receiver_shows_no_noise_that_is_too_large() {
 #[test]
 fn a_start_without_a_heading_is_told_where_nothing_shows_that_it_was_found() {
     let of = |sigma: f64, linearises_once: bool, nees: Option<f64>| {
-        let summary = Summary {
-            start_angle: Some(("attitude".to_owned(), sigma)),
-            score: nees.map(|mean| Score {
+        let summary = Summary::default()
+            .with(Start {
+                start_angle: Some(("attitude".to_owned(), sigma)),
+                ..Start::default()
+            })
+            .with(nees.map(|mean| Score {
                 nees_attitude: Some(consistency(mean)),
                 ..Score::default()
-            }),
-            ..Summary::default()
-        };
+            }));
         let judged = Judged {
             linearises_once,
             ..judged(&[], &summary)
@@ -180,10 +178,7 @@ fn a_parameter_is_unlearnt_where_no_axis_of_it_fell() {
             covariance: Vec::new(),
             unit: "rad",
         };
-        let summary = Summary {
-            parameters: vec![state],
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(vec![state]);
         let judged = judged(&[], &summary);
         judged.findings().iter().map(ToString::to_string).collect::<Vec<_>>()
     };
@@ -215,10 +210,7 @@ fn sensors_that_all_disagree_by_far_are_compared_with_a_wrong_input() {
         },
     ];
     let first = |sensors: Vec<SensorStatistics>| {
-        let summary = Summary {
-            sensors,
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(sensors);
         let judged = judged(&instruments, &summary);
         judged.findings().first().map(ToString::to_string).unwrap_or_default()
     };
@@ -235,14 +227,11 @@ fn sensors_that_all_disagree_by_far_are_compared_with_a_wrong_input() {
 
 #[test]
 fn what_is_to_be_done_about_several_errors_is_told_once() {
-    let summary = Summary {
-        score: Some(Score {
-            nees_position: Some(consistency(30.0)),
-            nees_velocity: Some(consistency(20.0)),
-            ..Score::default()
-        }),
-        ..Summary::default()
-    };
+    let summary = Summary::default().with(Score {
+        nees_position: Some(consistency(30.0)),
+        nees_velocity: Some(consistency(20.0)),
+        ..Score::default()
+    });
     let judged = judged(&[], &summary);
     let all: Vec<String> = judged.findings().iter().map(ToString::to_string).collect();
     assert_eq!(all.len(), 1, "{all:?}");
@@ -270,16 +259,14 @@ fn outstanding(at: f64, max: f64) -> Score {
 #[test]
 fn a_sensor_that_was_believed_against_the_estimate_is_told_where_a_large_error_follows() {
     let told = |score: Option<Score>| {
-        let summary = Summary {
-            sensors: vec![SensorStatistics {
+        let summary = Summary::default()
+            .with(vec![SensorStatistics {
                 rejected: 10,
                 reacquired: 2,
                 reacquired_at: vec![40.0, 150.0],
                 ..sensor(3.0)
-            }],
-            score,
-            ..Summary::default()
-        };
+            }])
+            .with(score);
         let all = judged(&[instrument(None)], &summary).findings();
         all.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
@@ -301,15 +288,13 @@ fn a_sensor_that_was_believed_against_the_estimate_is_told_where_a_large_error_f
 #[test]
 fn of_a_log_what_can_be_found_out_is_told_before_a_guess_and_once() {
     let of = |is_recorded| {
-        let summary = Summary {
-            score: Some(Score {
+        let summary = Summary::default()
+            .with(Score {
                 nees_position: Some(consistency(12.0)),
                 nees_velocity: Some(consistency(9.0)),
                 ..Score::default()
-            }),
-            sensors: vec![sensor(1.2)],
-            ..Summary::default()
-        };
+            })
+            .with(vec![sensor(1.2)]);
         let instruments = [instrument(Some(Bias::Fixed))];
         let judged = Judged {
             is_recorded,
@@ -336,15 +321,13 @@ fn a_sensor_of_depth_is_not_blamed_for_a_horizontal_error() {
     let of = |worst: usize| {
         let mut rms = [1.0; 3];
         rms[worst] = 9.0;
-        let summary = Summary {
-            score: Some(Score {
+        let summary = Summary::default()
+            .with(Score {
                 nees_position: Some(consistency(12.0)),
                 position: Some(Axes { rms, ..Axes::all(1.0) }),
                 ..Score::default()
-            }),
-            sensors: vec![sensor(1.2)],
-            ..Summary::default()
-        };
+            })
+            .with(vec![sensor(1.2)]);
         let depth = Instrument {
             axes: [false, false, true],
             ..instrument(Some(Bias::Fixed))
@@ -357,26 +340,24 @@ fn a_sensor_of_depth_is_not_blamed_for_a_horizontal_error() {
 #[test]
 fn rows_that_a_fault_disturbed_are_told_before_errors() {
     let of = |nees: f64| {
-        let summary = Summary {
-            score: Some(Score {
+        let summary = Summary::default()
+            .with(Score {
                 nees_position: Some(consistency(nees)),
                 ..Score::default()
-            }),
-            sensors: vec![SensorStatistics {
+            })
+            .with(vec![SensorStatistics {
                 disturbed: Some(Disturbed {
                     missed: 235,
                     ..Disturbed::default()
                 }),
                 ..sensor(1.2)
-            }],
-            faults: vec![FaultWindow {
+            }])
+            .with(vec![FaultWindow {
                 stream: "receiver".to_owned(),
                 fault: "jump".to_owned(),
                 from: 120.0,
                 to: 300.0,
-            }],
-            ..Summary::default()
-        };
+            }]);
         let all = judged(&[instrument(Some(Bias::Fixed))], &summary).findings();
         all.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
@@ -399,22 +380,23 @@ fn samples_that_are_taken_for_spikes_and_gaps_of_the_input_are_told() {
             disturbed: if fault { vec![("gap".to_owned(), 6)] } else { Vec::new() },
             ..Default::default()
         };
-        let summary = Summary {
-            consumers: vec![ConsumerCounts {
+        let summary = Summary::default()
+            .with(vec![ConsumerCounts {
                 name: "process".to_owned(),
                 stream: "imu".to_owned(),
                 rows: 9000,
                 spikes,
                 ..ConsumerCounts::default()
-            }],
-            coasted,
-            sources: vec![fusion::run::SourceStatistics::new("imu", &report)],
-            score: nees.map(|mean| Score {
+            }])
+            .with(Counts {
+                coasted,
+                ..Counts::default()
+            })
+            .with(vec![fusion::run::SourceStatistics::new("imu", &report)])
+            .with(nees.map(|mean| Score {
                 nees_position: Some(consistency(mean)),
                 ..Score::default()
-            }),
-            ..Summary::default()
-        };
+            }));
         let all = judged(&[], &summary).findings();
         let at = |word: &str| all.iter().position(|f| f.evidence.contains(word));
         (at("6 samples of `imu`"), at("for 0.29 s"))
@@ -440,10 +422,7 @@ fn gates_that_all_reject_are_compared_with_a_wrong_input() {
         ..instrument(None)
     };
     let of = |last: u64| {
-        let summary = Summary {
-            sensors: vec![refused("gnss", 200), refused("field", 100), refused("baro", last)],
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(vec![refused("gnss", 200), refused("field", 100), refused("baro", last)]);
         let all = judged(&["gnss", "field", "baro"].map(named), &summary).findings();
         all.iter().map(ToString::to_string).collect::<Vec<_>>()
     };

@@ -46,12 +46,10 @@ fn told(unread: &[&str], reports: Option<Reports>, nis: f64, excesses: Vec<Exces
         unread: unread.iter().map(|name| (*name).to_owned()).collect(),
         ..SourceReport::default()
     };
-    let summary = Summary {
-        sensors: vec![sensor(nis)],
-        sources: vec![SourceStatistics::new("receiver", &report)],
-        excesses,
-        ..Summary::default()
-    };
+    let summary = Summary::default()
+        .with(vec![sensor(nis)])
+        .with(vec![SourceStatistics::new("receiver", &report)])
+        .with(excesses);
     let instruments = [velocity, other];
     judged(&instruments, &summary).findings().iter().map(ToString::to_string).collect()
 }

@@ -1,6 +1,7 @@
 //! Outages, gaps and the start.
 
 use super::*;
+use fusion::run::Start;
 
 #[test]
 fn outages_that_end_beyond_three_sigma_are_found_where_chance_does_not_explain_them() {
@@ -57,27 +58,26 @@ fn one_outage_is_told_by_its_size_and_with_what_moved_the_estimate() {
     );
     // Behaviour that a consistent filter shows now and then is not reported.
     assert!(!far_outage(&outages(10.1, 1.9)).unwrap().advice.contains("standing"));
-    let summary = Summary {
-        score: Some(Score {
-            drift: outages(10.1, 9.0),
-            ..Score::default()
-        }),
-        ..Summary::default()
-    };
+    let summary = Summary::default().with(Score {
+        drift: outages(10.1, 9.0),
+        ..Score::default()
+    });
     let found = judged(&[], &summary).findings();
     assert!(found.iter().any(|f| f.about == "outages"), "{found:?}");
 }
 
 #[test]
 fn a_start_in_the_last_quarter_is_told_with_what_it_waited_for() {
-    let of = |seconds: f64| Summary {
-        started: Some(5.0 + seconds),
-        waited: Some(fusion::observe::Wait {
-            seconds,
-            of: 40.0,
-            waited: vec![("levelling".to_owned(), "a rest".to_owned())],
-        }),
-        ..Summary::default()
+    let of = |seconds: f64| {
+        Summary::default().with(Start {
+            started: Some(5.0 + seconds),
+            waited: Some(fusion::observe::Wait {
+                seconds,
+                of: 40.0,
+                waited: vec![("levelling".to_owned(), "a rest".to_owned())],
+            }),
+            ..Start::default()
+        })
     };
     let line = |summary: &Summary| summary.late_start().map(ToString::to_string);
     let told = |summary: &Summary| judged(&[], summary).findings().first().map(ToString::to_string);
@@ -102,10 +102,7 @@ fn a_silence_that_separates_recordings_is_no_gap() {
         longest_gap: Some((Time::from_seconds(2.0), 8.1)),
         ..Default::default()
     };
-    let summary = Summary {
-        sources: vec![fusion::run::SourceStatistics::new("receiver", &report)],
-        ..Summary::default()
-    };
+    let summary = Summary::default().with(vec![fusion::run::SourceStatistics::new("receiver", &report)]);
     let instruments = [instrument(None)];
     let of = |restart_after| Judged {
         restart_after,

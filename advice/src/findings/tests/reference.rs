@@ -8,18 +8,15 @@ use fusion::score::{Course, Offset, Spread, Spreads};
 #[test]
 fn a_heading_that_is_wrong_by_a_constant_is_told_before_what_follows_from_it() {
     let told = |mean: f64, rms: f64, nees: f64| {
-        let summary = Summary {
-            score: Some(Score {
-                nees_attitude: Some(consistency(nees)),
-                attitude_deg: Some(Axes {
-                    mean: [0.0, 0.0, mean],
-                    rms: [0.1, 0.1, rms],
-                    ..Axes::default()
-                }),
-                ..Score::default()
+        let summary = Summary::default().with(Score {
+            nees_attitude: Some(consistency(nees)),
+            attitude_deg: Some(Axes {
+                mean: [0.0, 0.0, mean],
+                rms: [0.1, 0.1, rms],
+                ..Axes::default()
             }),
-            ..Summary::default()
-        };
+            ..Score::default()
+        });
         let judged = judged(&[], &summary);
         judged.findings().iter().map(ToString::to_string).collect::<Vec<_>>()
     };
@@ -37,21 +34,18 @@ fn a_heading_that_is_wrong_by_a_constant_is_told_before_what_follows_from_it() {
 #[test]
 fn a_heading_that_is_wrong_beyond_doubt_is_told_whatever_the_reference_knows_of_itself() {
     let of = |rms: f64, inside: f64| {
-        let summary = Summary {
-            score: Some(Score {
-                attitude_deg: Some(Axes {
-                    inside: [1.0, 1.0, inside],
-                    ..Axes::all(rms)
-                }),
-                heading_rmse_deg: Some(rms),
-                spread: Spreads {
-                    heading_deg: Some(Spread { median: rms, p95: rms }),
-                    ..Spreads::default()
-                },
-                ..Score::default()
+        let summary = Summary::default().with(Score {
+            attitude_deg: Some(Axes {
+                inside: [1.0, 1.0, inside],
+                ..Axes::all(rms)
             }),
-            ..Summary::default()
-        };
+            heading_rmse_deg: Some(rms),
+            spread: Spreads {
+                heading_deg: Some(Spread { median: rms, p95: rms }),
+                ..Spreads::default()
+            },
+            ..Score::default()
+        });
         let all = judged(&[], &summary).findings();
         all.iter()
             .any(|f| f.about == "heading" && f.advice.contains("either the filter or the reference"))
@@ -64,14 +58,11 @@ fn a_heading_that_is_wrong_beyond_doubt_is_told_whatever_the_reference_knows_of_
 #[test]
 fn a_latency_and_an_offset_are_told_with_their_figures() {
     let of = |offset: Offset, nees: f64| {
-        let summary = Summary {
-            score: Some(Score {
-                nees_position: Some(consistency(nees)),
-                offset: Some(offset),
-                ..Score::default()
-            }),
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(Score {
+            nees_position: Some(consistency(nees)),
+            offset: Some(offset),
+            ..Score::default()
+        });
         let all = judged(&[], &summary).findings();
         all.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
     };
@@ -169,11 +160,7 @@ fn attitude(inside: f64, course: Option<Course>) -> Score {
 }
 
 fn told(score: Score, sensors: Vec<SensorStatistics>) -> Vec<String> {
-    let summary = Summary {
-        sensors,
-        score: Some(score),
-        ..Summary::default()
-    };
+    let summary = Summary::default().with(sensors).with(score);
     let all = judged(&[instrument(None)], &summary).findings();
     all.iter().map(ToString::to_string).collect()
 }
@@ -238,18 +225,16 @@ fn a_heading_that_was_wrong_before_the_alignment_accuses_no_reference() {
             ..Axes::all(16.0)
         };
         axes.max_time = [at; 3];
-        let summary = Summary {
-            health: vec![FilterHealth {
+        let summary = Summary::default()
+            .with(vec![FilterHealth {
                 aligned: Some(8.2),
                 ..FilterHealth::default()
-            }],
-            score: Some(Score {
+            }])
+            .with(Score {
                 attitude_deg: Some(axes),
                 heading_rmse_deg: Some(16.0),
                 ..Score::default()
-            }),
-            ..Summary::default()
-        };
+            });
         let all = judged(&[], &summary).findings();
         all.into_iter().find(|f| f.about == "heading").unwrap().advice
     };
@@ -280,14 +265,12 @@ fn a_reference_of_the_instrument_of_a_sensor_is_as_late() {
             common: vec![common],
             ..Stamps::default()
         };
-        let summary = Summary {
-            sensors: cause.map(sensor).into_iter().collect(),
-            score: Some(Score {
+        let summary = Summary::default()
+            .with(cause.map(sensor).into_iter().collect::<Vec<_>>())
+            .with(Score {
                 nees_velocity: Some(consistency(nees)),
                 ..Score::default()
-            }),
-            ..Summary::default()
-        };
+            });
         let instruments = [instrument(None)];
         let judged = Judged {
             stamps: &stamps,
@@ -340,19 +323,16 @@ fn positions_that_are_all_early_are_those_of_a_late_input() {
             input: Some(("imu".to_owned(), 200.0)),
             ..Stamps::default()
         };
-        let summary = Summary {
-            score: Some(Score {
-                nees_position: Some(consistency(1000.0)),
-                offset: Some(Offset {
-                    latency,
-                    latency_sigma: 0.001,
-                    latency_explained: 0.96,
-                    ..Offset::default()
-                }),
-                ..Score::default()
+        let summary = Summary::default().with(Score {
+            nees_position: Some(consistency(1000.0)),
+            offset: Some(Offset {
+                latency,
+                latency_sigma: 0.001,
+                latency_explained: 0.96,
+                ..Offset::default()
             }),
-            ..Summary::default()
-        };
+            ..Score::default()
+        });
         let judged = Judged {
             stamps: &stamps,
             ..judged(&[], &summary)
@@ -384,13 +364,10 @@ fn a_reference_of_the_instrument_of_a_sensor_is_of_one_point_with_it() {
             }],
             ..Stamps::default()
         };
-        let summary = Summary {
-            score: Some(Score {
-                offset: Some(Offset::default()),
-                ..Score::default()
-            }),
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(Score {
+            offset: Some(Offset::default()),
+            ..Score::default()
+        });
         let judged = Judged {
             stamps: &stamps,
             point,

@@ -28,10 +28,7 @@ fn told(instruments: &[Instrument], summary: &Summary) -> Vec<String> {
 #[test]
 fn the_first_to_disagree_is_looked_at_before_those_that_are_refused() {
     let of = |field: Option<f64>, leader: Option<&str>| {
-        let summary = Summary {
-            sensors: vec![disagrees("gnss", 60, Some(112.0)), disagrees("field", 0, field)],
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(vec![disagrees("gnss", 60, Some(112.0)), disagrees("field", 0, field)]);
         let field = Instrument {
             leader: leader.map(str::to_owned),
             ..named("field")
@@ -55,10 +52,7 @@ fn the_first_to_disagree_is_looked_at_before_those_that_are_refused() {
 
 #[test]
 fn of_those_that_are_refused_the_first_to_disagree_is_told_first() {
-    let summary = Summary {
-        sensors: vec![disagrees("gnss", 60, Some(112.0)), disagrees("baro", 60, Some(21.0))],
-        ..Summary::default()
-    };
+    let summary = Summary::default().with(vec![disagrees("gnss", 60, Some(112.0)), disagrees("baro", 60, Some(21.0))]);
     let all = told(&["gnss", "baro"].map(named), &summary);
     assert!(all.len() == 2 && all[0].starts_with("the gate of `baro`"), "{all:?}");
 }
@@ -67,14 +61,13 @@ fn of_those_that_are_refused_the_first_to_disagree_is_told_first() {
 fn where_every_gate_rejects_a_sensor_without_one_is_left_out_first() {
     let names = ["gnss", "field", "baro", "log"];
     let of = |has_gate: bool| {
-        let summary = Summary {
-            sensors: names
+        let summary = Summary::default().with(
+            names
                 .iter()
                 .zip([60, 60, 60, 60])
                 .map(|(name, n)| disagrees(name, n, Some(40.0)))
-                .collect(),
-            ..Summary::default()
-        };
+                .collect::<Vec<_>>(),
+        );
         let log = Instrument { has_gate, ..named("log") };
         let instruments: Vec<Instrument> = names[..3].iter().map(|name| named(name)).chain([log]).collect();
         told(&instruments, &summary).remove(0)
@@ -101,8 +94,8 @@ fn a_parameter_far_from_its_initial_value_comes_before_noise_and_biases_of_other
             of: name.to_owned(),
             state: State::Degraded,
         };
-        let summary = Summary {
-            health: vec![FilterHealth {
+        let summary = Summary::default()
+            .with(vec![FilterHealth {
                 transitions: vec![Transition {
                     time: 35.0,
                     state: State::Degraded,
@@ -110,14 +103,12 @@ fn a_parameter_far_from_its_initial_value_comes_before_noise_and_biases_of_other
                     in_outages: 0.0,
                 }],
                 ..FilterHealth::default()
-            }],
-            score: Some(Score {
+            }])
+            .with(Score {
                 nees_position: Some(consistency(12.0)),
                 ..Score::default()
-            }),
-            sensors: vec![sensor(0.07)],
-            ..Summary::default()
-        };
+            })
+            .with(vec![sensor(0.07)]);
         told(&[named("gnss"), named("dvl")], &summary)
     };
     let all = of("dvl.mounting");
@@ -134,10 +125,7 @@ fn a_parameter_far_from_its_initial_value_comes_before_noise_and_biases_of_other
 #[test]
 fn a_constraint_that_fails_by_far_accuses_the_input_and_its_detector() {
     let of = |nis: f64, is_recorded: bool| {
-        let summary = Summary {
-            sensors: vec![sensor(nis)],
-            ..Summary::default()
-        };
+        let summary = Summary::default().with(vec![sensor(nis)]);
         let instruments = [Instrument {
             is_constraint: true,
             limits: vec!["`stage.standing.still`".to_owned()],
@@ -164,19 +152,17 @@ fn a_constraint_that_fails_by_far_accuses_the_input_and_its_detector() {
 #[test]
 fn a_detector_that_found_nothing_is_told_where_the_run_went_wrong() {
     let of = |rows: u64, aligned: Option<f64>| {
-        let summary = Summary {
-            consumers: vec![ConsumerCounts {
+        let summary = Summary::default()
+            .with(vec![ConsumerCounts {
                 name: "gnss".to_owned(),
                 rows,
                 ..ConsumerCounts::default()
-            }],
-            health: vec![FilterHealth {
+            }])
+            .with(vec![FilterHealth {
                 aligned,
                 worst: State::Good,
                 ..FilterHealth::default()
-            }],
-            ..Summary::default()
-        };
+            }]);
         let standing = Instrument {
             limits: vec!["`stage.standing.still`".to_owned()],
             ..instrument(None)
@@ -186,15 +172,13 @@ fn a_detector_that_found_nothing_is_told_where_the_run_went_wrong() {
     let all = of(0, None);
     assert!(all.len() == 1 && all[0].ends_with("look at `stage.standing.still`"), "{all:?}");
     let figures = |detector: Detector| {
-        let summary = Summary {
-            consumers: vec![ConsumerCounts {
+        let summary = Summary::default()
+            .with(vec![ConsumerCounts {
                 name: "gnss".to_owned(),
                 ..ConsumerCounts::default()
-            }],
-            sensors: vec![sensor(9.0)],
-            detectors: vec![detector],
-            ..Summary::default()
-        };
+            }])
+            .with(vec![sensor(9.0)])
+            .with(vec![detector]);
         let standing = Instrument {
             is_constraint: true,
             limits: vec!["`stage.standing.still`".to_owned()],
@@ -229,17 +213,15 @@ fn a_detector_that_found_nothing_is_told_where_the_run_went_wrong() {
 #[test]
 fn samples_beyond_the_declared_range_are_told_first() {
     let of = |out_of_range| {
-        let summary = Summary {
-            consumers: vec![ConsumerCounts {
+        let summary = Summary::default()
+            .with(vec![ConsumerCounts {
                 name: "process".to_owned(),
                 stream: "imu".to_owned(),
                 rows: 32241,
                 out_of_range,
                 ..ConsumerCounts::default()
-            }],
-            sensors: vec![disagrees("gnss", 60, None)],
-            ..Summary::default()
-        };
+            }])
+            .with(vec![disagrees("gnss", 60, None)]);
         told(&[named("gnss")], &summary).remove(0)
     };
     let told = of(8736);
@@ -253,18 +235,14 @@ fn samples_beyond_the_declared_range_are_told_first() {
 #[test]
 fn a_few_errors_that_last_as_long_as_the_run_do_not_outrank_innovations() {
     let of = |independent: f64| {
-        let summary = Summary {
-            sensors: vec![sensor(0.07)],
-            score: Some(Score {
-                nees_position: Some(Consistency {
-                    independent,
-                    band: (0.05, 11.0),
-                    ..consistency(4.7)
-                }),
-                ..Score::default()
+        let summary = Summary::default().with(vec![sensor(0.07)]).with(Score {
+            nees_position: Some(Consistency {
+                independent,
+                band: (0.05, 11.0),
+                ..consistency(4.7)
             }),
-            ..Summary::default()
-        };
+            ..Score::default()
+        });
         told(&[instrument(Some(Bias::Fixed))], &summary).len()
     };
     assert_eq!((of(1.5), of(50.0)), (1, 0));
