@@ -96,7 +96,13 @@ fn noises(found: &[Found]) -> Table {
     for f in found {
         let (from, to) = f.interval();
         let cells = match f.edit().and_then(|edit| edit.value) {
-            Some(value) => [Cell::text(value), Cell::Real(f.factor), Cell::Real(from), Cell::Real(to)],
+            Some(value) if f.is_identifiable() => [Cell::text(value), Cell::Real(f.factor), Cell::Real(from), Cell::Real(to)],
+            Some(value) => [
+                Cell::text(format!("{value}, a guess: not identifiable, but the declared value is refuted")),
+                Cell::Real(f.factor),
+                Cell::Empty,
+                Cell::Empty,
+            ],
             None => [Cell::text("not identifiable on this log"), Cell::Empty, Cell::Empty, Cell::Empty],
         };
         t.row(
@@ -153,7 +159,8 @@ fn verdict(tuned: &Tuned) -> Section {
     }
     let parts: Vec<String> = tuned.unseen.iter().map(|gain| format!("{gain:.1}")).collect();
     let unseen = format!(
-        "Gain in ln likelihood: {:.1} nats on all rows, {:.1} on parts that were not seen ({}).",
+        "ln L {:.1} nats. Gain: {:.1} on all rows, {:.1} on parts that were not seen ({}).",
+        tuned.log_likelihood,
         tuned.nats,
         tuned.gain(),
         parts.join(", ")

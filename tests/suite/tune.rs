@@ -10,6 +10,10 @@ use std::path::Path;
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 fn tuned(design: &str, patterns: &[&str], set: &[&str], data: Option<&Path>) -> Tuned {
+    tuned_with(&Settings::default(), design, patterns, set, data)
+}
+
+fn tuned_with(settings: &Settings, design: &str, patterns: &[&str], set: &[&str], data: Option<&Path>) -> Tuned {
     let selection = Selection {
         set: set.iter().map(|set| (*set).to_owned()).collect(),
         ..Selection::default()
@@ -24,13 +28,37 @@ fn tuned(design: &str, patterns: &[&str], set: &[&str], data: Option<&Path>) -> 
         },
     };
     let patterns: Vec<String> = patterns.iter().map(|p| (*p).to_owned()).collect();
-    tune(&[log], &patterns, &Settings::default(), &|_, _| {}).unwrap_or_else(|d| panic!("{d}"))
+    tune(&[log], &patterns, settings, &|_, _| {}).unwrap_or_else(|d| panic!("{d}"))
 }
 
 /// The factor of each noise that is found, by the path of the noise.
 fn factor(tuned: &Tuned, path: &str) -> Option<(f64, (f64, f64))> {
     let found = tuned.found.iter().find(|f| f.parameter.path == path).unwrap();
     found.is_identifiable().then(|| (found.factor, found.interval()))
+}
+
+/// The local level of the Nile: Durbin and Koopman 2012, §2.10, and `statsmodels`, to their last digit.
+#[test]
+fn the_nile_has_the_variances_and_the_likelihood_of_statsmodels() {
+    // The first year has no expectation: it does not count.
+    let settings = Settings {
+        settle: 1.5,
+        ..Settings::default()
+    };
+    let found = tuned_with(
+        &settings,
+        "configs/series/nile.toml",
+        &["process.walk", "sensor.flow.noise"],
+        &[],
+        None,
+    );
+    assert!(found.is_sound() && found.has_converged, "{found:?}");
+    let variance = |path: &str, declared: f64| (factor(&found, path).unwrap().0 * declared).powi(2);
+    let (level, noise) = (variance("process.walk", 30.0), variance("sensor.flow.noise", 100.0));
+    // Half of the last digit of the four.
+    assert!((noise - 15_098.5).abs() < 5.0, "{noise}");
+    assert!((level - 1_469.2).abs() < 0.5, "{level}");
+    assert!((found.log_likelihood + 632.546).abs() < 0.0005, "{}", found.log_likelihood);
 }
 
 /// From ten times and from a tenth of the truth, over seeds that the tool was not made on.

@@ -72,7 +72,7 @@ impl SectionObserver for Speeds {
                 column("at", "s"),
             ],
             rows: ["horizontal", "vertical"].into_iter().enumerate().map(row).collect(),
-            notes: Vec::new(),
+            ..RunSection::default()
         }
     }
 }

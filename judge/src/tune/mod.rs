@@ -2,37 +2,42 @@
 //!
 //! ```text
 //! parameters θ (logarithms of factors) ──▶ d + 1 runs ──▶ innovations r, L of each row, S = L Lᵀ
-//!        ▲                                                        │ ln p(r | S), its slope, its information
-//!        └──────────── Fisher scoring, with a damped step ◀───────┘
+//!        ▲                                                        │ how each changes with θ; slope, information
+//!        └── a step of Fisher scoring, one run, Broyden's update ◀┘
 //! ```
 //!
-//! The likelihood of a run is Σ ln p(rₖ | Sₖ) over the rows of sensors with an instrument, from alignment on. The rows of
-//! a gated sensor count with a density that has a tail, the rejected rows as well. Rows of two runs are
-//! matched by their number.
+//! Which rows count, and with which density, is as for the [likelihood](crate::likelihood) of a result. Rows of two runs
+//! are matched by their number.
 //!
 //! The likelihood assumes that innovations are independent. So the rows of a sensor are thinned until their neighbours
-//! are white. If they are then too few, nothing is tuned. A parameter with a 1σ of its logarithm above one is not
-//! identifiable by the log, and keeps its declared value. The result is judged on parts of the log that it was not
-//! found on.
+//! are white. If they are then too few, nothing is tuned. The result is judged on parts of the log that it was not found
+//! on.
+//!
+//! A parameter with a 1σ of its logarithm above one is not identifiable by the log. Its declared value is a prior, and
+//! its uncertainty widens the intervals of the others. It keeps its declared value, unless the log refutes this value.
 //!
 //! Source     Gupta, Mehra 1974 (IEEE TAC 19(6), 774): maximum likelihood by Fisher scoring over the innovations
 //! Not here   drift in outages, and errors against a reference: the runs of the result show them
 
-mod density;
-mod fisher;
+mod climb;
 mod parameter;
 mod record;
+mod sensitivity;
+mod trials;
 mod white;
 
 pub use parameter::Parameter;
 pub use white::Independence;
 
-use self::density::Density;
-use self::fisher::Point;
+use self::climb::{Point, Start, climb};
+use self::trials::Trials;
+use crate::likelihood::densities;
 use fusion::config::{Diagnostic, Diagnostics, Document, Edit};
-use fusion::design::{Design, Named, SensorDesign};
+use fusion::design::Design;
 use fusion::run::Options;
-use std::sync::atomic::{AtomicU64, Ordering};
+use fusion_core::consistency::chi_square_quantile;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// A recorded log, or a simulated world, with its design.
 #[derive(Debug)]
@@ -54,6 +59,11 @@ pub struct Settings {
     pub most_runs: u64,
     /// Innovations are called dependent at this probability of doing so wrongly, for each sensor.
     pub false_refusal: f64,
+    /// The 1σ of the logarithm of each declared value, by its data sheet: the declared values are a prior. Without it, a
+    /// wide prior applies to the parameters that the log does not identify, and to no other.
+    pub prior: Option<f64>,
+    /// When it becomes true, the search ends with the best that it has found.
+    pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Default for Settings {
@@ -63,6 +73,8 @@ impl Default for Settings {
             folds: 4,
             most_runs: 400,
             false_refusal: 1e-3,
+            prior: None,
+            stop: None,
         }
     }
 }
@@ -72,10 +84,13 @@ impl Default for Settings {
 pub struct Found {
     /// The parameter.
     pub parameter: Parameter,
-    /// Its value over the declared value; 1 if it is not identifiable.
+    /// Its value over the declared value; 1 if it keeps that.
     pub factor: f64,
     /// The 1σ of the logarithm of the factor.
     pub sigma: f64,
+    /// Whether the log contradicts the declared value of a parameter that is not identifiable: it is likely too large, or
+    /// too small, but no value is much better than others.
+    pub is_refuted: bool,
 }
 
 impl Found {
@@ -88,26 +103,28 @@ impl Found {
     /// The 95 % interval of the factor.
     #[must_use]
     pub fn interval(&self) -> (f64, f64) {
-        let width = (NORMAL_95 * self.sigma).exp();
+        let width = (STUDENT_95 * self.sigma).exp();
         (self.factor / width, self.factor * width)
     }
 
-    /// The edit of the design, with as many digits as its σ supports; `None` if it is not identifiable.
+    /// The edit of the design, with as many digits as its σ supports; `None` if it keeps its declared value.
     #[must_use]
     pub fn edit(&self) -> Option<Edit> {
-        self.is_identifiable().then(|| self.parameter.times(self.factor, Some(3)))
+        (self.is_identifiable() || self.is_refuted).then(|| self.parameter.times(self.factor, Some(3)))
     }
 }
 
-/// The quantile of the normal distribution for 95 % around the mean.
-const NORMAL_95: f64 = 1.959_964;
+/// The quantile of Student's distribution for 95 % around the mean: σ comes from 20 blocks of time.
+const STUDENT_95: f64 = 2.093;
 
 /// The result of a tuning.
 #[derive(Clone, Debug)]
 pub struct Tuned {
     /// The parameters, in their order.
     pub found: Vec<Found>,
-    /// The gain of the likelihood over the declared design, on the rows that it was found on.
+    /// ln L of the result, of the rows that it was found on.
+    pub log_likelihood: f64,
+    /// Its gain over the declared design.
     pub nats: f64,
     /// The gain on each part of the logs, with what the other parts give.
     pub unseen: Vec<f64>,
@@ -162,7 +179,7 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
     let runs = AtomicU64::new(0);
     let mut trials = Trials {
         logs,
-        parameters: parameters.clone(),
+        parameters,
         densities: densities(&design),
         thinning: vec![Vec::new(); logs.len()],
         settings,
@@ -171,32 +188,28 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
     let End {
         point,
         mut independence,
-        unknown,
+        sigmas,
+        refuted,
     } = search(&mut trials, &design, progress)?;
     let (nats, unseen) = gains(&trials, &point)?;
-    let known: Vec<(&Parameter, (f64, f64))> = trials
-        .parameters
-        .iter()
-        .zip(point.theta.iter().copied().zip(point.sigmas()))
-        .collect();
-    let found = parameters.iter().map(|parameter| {
-        let known = known.iter().find(|(p, _)| *p == parameter).map(|(_, known)| *known);
-        let lost = unknown.iter().find(|(p, _)| p == parameter);
-        let (theta, sigma) = known.unwrap_or((0.0, lost.map_or(f64::INFINITY, |(_, sigma)| *sigma)));
-        Found {
-            parameter: parameter.clone(),
-            factor: if sigma <= 1.0 { theta.exp() } else { 1.0 },
-            sigma,
-        }
+    let log_likelihood = trials.log_likelihood(&point.score, &all_rows);
+    let found = trials.parameters.iter().enumerate().map(|(j, parameter)| Found {
+        parameter: parameter.clone(),
+        factor: point.theta[j].exp(),
+        sigma: sigmas[j],
+        is_refuted: refuted.contains(&j),
     });
     let found: Vec<Found> = found.collect();
-    trials.thinning = vec![Vec::new(); logs.len()];
-    let whole = Point::of(point.theta.clone(), trials.at(&point.theta)?);
-    for (own, whole) in independence.iter_mut().zip(white::judge(&design, &trials, &whole)) {
-        own.overweighted = whole.overweighted;
+    if trials.is_thinned() {
+        trials.thinning = vec![Vec::new(); logs.len()];
+        let whole = trials.at(&point.theta)?;
+        for (own, whole) in independence.iter_mut().zip(white::judge(&design, &trials, &whole)) {
+            own.overweighted = whole.overweighted;
+        }
     }
     Ok(Tuned {
         found,
+        log_likelihood,
         nats,
         unseen,
         runs: runs.load(Ordering::Relaxed),
@@ -205,24 +218,46 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
     })
 }
 
+/// The 1σ of the logarithm of a parameter before the log is seen: a factor of e³ = 20 either way.
+const PRIOR: f64 = 3.0;
+/// A variance v has the 1σ 2σv, if σ is the 1σ of the logarithm of its root. Above this σ, 0 lies within 1.96 of them.
+const DOUBT: f64 = 0.255;
+/// A declared value is refuted if keeping it costs a likelihood that chance alone costs with this probability.
+const CHANCE: f64 = 0.05;
+
 /// The end of a search.
 struct End {
     point: Point,
     independence: Vec<Independence>,
-    /// The parameters that are not identifiable, with the 1σ of their logarithm.
-    unknown: Vec<(Parameter, f64)>,
+    /// The 1σ of the logarithm of each parameter.
+    sigmas: Vec<f64>,
+    /// The parameters that are not identifiable, and do not keep their declared value.
+    refuted: Vec<usize>,
 }
 
-/// Finds the maximum with rows so thin that innovations are white, over the parameters that are then identifiable.
+/// Finds the maximum with rows so thin that innovations are white.
 fn search(trials: &mut Trials<'_>, design: &Design, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<End, Diagnostics> {
-    let mut unknown: Vec<(Parameter, f64)> = Vec::new();
-    let mut theta = vec![0.0; trials.parameters.len()];
+    let d = trials.parameters.len();
+    let weight = trials.settings.prior.unwrap_or(PRIOR).powi(-2);
+    let mut theta = vec![nearest(trials)?; d];
     let mut has_returned = false;
     loop {
-        let point = fisher::climb(trials, theta.clone(), progress)?;
-        let independence = white::judge(design, trials, &point);
-        theta.clone_from(&point.theta);
-        if white::thin(trials, design, &independence, &point)? {
+        let start = Start {
+            theta,
+            free: (0..d).collect(),
+            prior: vec![weight; d],
+            known: None,
+        };
+        let mut point = climb(trials, start, progress)?;
+        if trials.settings.prior.is_none() {
+            // The wide prior only serves parameters that the log does not identify.
+            let sigmas = point.sigmas().into_iter();
+            let prior: Vec<f64> = sigmas.map(|sigma| if sigma > 1.0 { weight } else { 0.0 }).collect();
+            point = climb(trials, point.again((0..d).collect(), prior), progress)?;
+        }
+        let independence = white::judge(design, trials, &point.score);
+        theta = point.theta.clone();
+        if white::thin(trials, design, &independence, &point.score)? {
             continue;
         }
         // From far off, innovations may have been dependent only because of the start.
@@ -231,74 +266,84 @@ fn search(trials: &mut Trials<'_>, design: &Design, progress: &(dyn Fn(u64, f64)
             trials.thinning = vec![Vec::new(); trials.logs.len()];
             continue;
         }
-        // A parameter that is not identifiable has its declared value. The others are found anew with that value.
-        let sigma = point.sigmas();
-        let is_known = |j: &usize| sigma[*j] <= 1.0;
-        let known: Vec<usize> = (0..theta.len()).filter(is_known).collect();
-        if known.len() == theta.len() || known.is_empty() {
-            return Ok(End {
-                point,
-                independence,
-                unknown,
-            });
-        }
-        let lost = (0..theta.len()).filter(|j| !is_known(j));
-        unknown.extend(lost.map(|j| (trials.parameters[j].clone(), sigma[j])));
-        trials.parameters = known.iter().map(|j| trials.parameters[*j].clone()).collect();
-        theta = known.iter().map(|j| theta[*j]).collect();
+        return keep(trials, design, point, progress);
     }
+}
+
+/// The common factor of all noises, in steps of three, that explains the innovations best. If all noises are far too
+/// small, gates reject good rows, and slopes lead nowhere.
+fn nearest(trials: &Trials<'_>) -> Result<f64, Diagnostics> {
+    const STEP: f64 = 1.1;
+    let at = |common: f64| trials.at(&vec![common; trials.parameters.len()]);
+    let (declared, below, above) = (at(0.0)?, at(-STEP)?, at(STEP)?);
+    let (down, up) = (trials.gain(&declared, &below, &all_rows), trials.gain(&declared, &above, &all_rows));
+    if down <= 0.0 && up <= 0.0 {
+        return Ok(0.0);
+    }
+    let (mut best, mut score, step) = if up > down { (STEP, above, STEP) } else { (-STEP, below, -STEP) };
+    loop {
+        let next = at(best + step)?;
+        if trials.gain(&score, &next, &all_rows) <= 0.0 || trials.is_at_its_end() {
+            return Ok(best);
+        }
+        (best, score) = (best + step, next);
+    }
+}
+
+fn all_rows(_: usize, _: f64) -> bool {
+    true
+}
+
+/// Gives parameters that are not identifiable their declared value, and finds the others anew. If that costs more
+/// likelihood than chance does, the parameter that is farthest from its declared value does not keep it.
+fn keep(trials: &Trials<'_>, design: &Design, mut point: Point, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<End, Diagnostics> {
+    let d = trials.parameters.len();
+    let mut sigmas = point.sigmas();
+    for (j, sigma) in sigmas.iter_mut().enumerate() {
+        if *sigma > DOUBT && *sigma <= 1.0 && !is_needed(trials, &point, j, progress)? {
+            *sigma = f64::INFINITY;
+        }
+    }
+    let best = trials.log_likelihood(&point.score, &all_rows);
+    let mut refuted = Vec::new();
+    loop {
+        let kept: Vec<usize> = (0..d).filter(|j| sigmas[*j] > 1.0 && !refuted.contains(j)).collect();
+        if kept.is_empty() {
+            break;
+        }
+        let pinned: Vec<(usize, f64)> = kept.iter().map(|j| (*j, 0.0)).collect();
+        let other = climb(trials, point.pinned(&pinned), progress)?;
+        let cost = best - trials.log_likelihood(&other.score, &all_rows);
+        if cost <= 0.5 * chi_square_quantile(1.0 - CHANCE, kept.len() as f64) {
+            point = other;
+            break;
+        }
+        let far = |j: &usize| point.theta[*j].abs();
+        refuted.extend(kept.iter().copied().max_by(|a, b| far(a).total_cmp(&far(b))));
+    }
+    Ok(End {
+        independence: white::judge(design, trials, &point.score),
+        point,
+        sigmas,
+        refuted,
+    })
+}
+
+/// Whether the log refutes that a noise is absent: a twentieth of it, with the others found anew, costs more likelihood
+/// than chance does. The information at a maximum does not say this of a noise that is small.
+fn is_needed(trials: &Trials<'_>, point: &Point, j: usize, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<bool, Diagnostics> {
+    let without = climb(trials, point.pinned(&[(j, point.theta[j] - PRIOR)]), progress)?;
+    let cost = trials.log_likelihood(&point.score, &all_rows) - trials.log_likelihood(&without.score, &all_rows);
+    Ok(cost > 0.5 * chi_square_quantile(1.0 - CHANCE, 1.0))
 }
 
 /// The gain over the declared values on all rows, and on each part with what the other parts give.
 fn gains(trials: &Trials<'_>, point: &Point) -> Result<(f64, Vec<f64>), Diagnostics> {
     let base = trials.at(&vec![0.0; point.theta.len()])?;
-    let all = trials.gain(&base, &point.score, &|_, _| true);
-    let each = trials.parts(&base).into_iter().map(|part| {
+    let all = trials.gain(&base, &point.score, &all_rows);
+    let each = base.parts(trials.settings.folds).into_iter().map(|part| {
         let other = trials.at(&point.without(&part))?;
         Ok(trials.gain(&base, &other, &|log, time| part.holds(log, time)))
     });
     Ok((all, each.collect::<Result<_, Diagnostics>>()?))
-}
-
-/// The densities of the sensors of a design, in their order; `None` for a sensor that is not judged.
-fn densities(design: &Design) -> Vec<Option<Density>> {
-    let of = |sensor: &Named<SensorDesign>| {
-        let rows = sensor.block.model.noise().len();
-        parameter::is_real(design, sensor).then(|| match (&sensor.block.gate, &sensor.block.loss) {
-            (None, None) => Density::Normal,
-            _ => Density::with_outliers(rows),
-        })
-    };
-    design.sensors.iter().map(of).collect()
-}
-
-/// A part of a log in time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Part {
-    log: usize,
-    from: f64,
-    to: f64,
-}
-
-impl Part {
-    fn holds(&self, log: usize, time: f64) -> bool {
-        log == self.log && (self.from..self.to).contains(&time)
-    }
-}
-
-/// Runs of the logs with other values.
-struct Trials<'a> {
-    logs: &'a [Log],
-    parameters: Vec<Parameter>,
-    densities: Vec<Option<Density>>,
-    /// For each log: the streams of which one row in so many is used.
-    thinning: Vec<Vec<white::Thinned>>,
-    settings: &'a Settings,
-    runs: &'a AtomicU64,
-}
-
-impl Trials<'_> {
-    fn is_thinned(&self) -> bool {
-        self.thinning.iter().any(|log| !log.is_empty())
-    }
 }

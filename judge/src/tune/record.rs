@@ -1,6 +1,6 @@
 //! The innovations of a run, row by row.
 
-use super::density::Density;
+use crate::likelihood::Density;
 use fusion::observe::{RunEvent, RunObserver};
 use fusion_core::runner::{Event, Halt};
 
@@ -21,6 +21,11 @@ pub(super) struct Rows {
 impl Rows {
     pub(super) fn len(&self) -> usize {
         self.numbers.len()
+    }
+
+    /// The place of the measurement with a number.
+    pub(super) fn at(&self, number: u32) -> Option<usize> {
+        self.numbers.binary_search(&number).ok()
     }
 
     /// r and L of row `k`.

@@ -1,9 +1,8 @@
 //! Whether innovations are independent, and the thinning of rows that makes them so.
 
-use super::Trials;
-use super::density::whitened;
-use super::fisher::Point;
 use super::record::Rows;
+use super::trials::{Score, Trials};
+use crate::likelihood::{Density, whitened};
 use fusion::config::{Diagnostic, Diagnostics, Edit};
 use fusion::design::Design;
 use fusion_core::consistency::{chi_square_quantile, chi_square_tail};
@@ -79,11 +78,10 @@ fn table(design: &Design, sensor: usize) -> String {
 }
 
 /// The independence of each sensor with rows.
-pub(super) fn judge(design: &Design, trials: &Trials<'_>, point: &Point) -> Vec<Independence> {
+pub(super) fn judge(design: &Design, trials: &Trials<'_>, score: &Score) -> Vec<Independence> {
     let of = |sensor: usize| {
-        let gated = trials.densities[sensor]? != super::Density::Normal;
-        let logs = point
-            .score
+        let gated = trials.densities[sensor]? != Density::Normal;
+        let logs = score
             .logs
             .iter()
             .filter_map(|(sensors, from)| Some((sensors[sensor].as_ref()?, *from)));
@@ -171,7 +169,7 @@ fn kolmogorov(squares: impl Iterator<Item = f64>, m: usize, limit: f64) -> f64 {
 
 /// Thins the streams of sensors that are not white to one row in twice as many. Returns false if all are white, or if
 /// too few rows would be left.
-pub(super) fn thin(trials: &mut Trials<'_>, design: &Design, found: &[Independence], point: &Point) -> Result<bool, Diagnostics> {
+pub(super) fn thin(trials: &mut Trials<'_>, design: &Design, found: &[Independence], score: &Score) -> Result<bool, Diagnostics> {
     if found.is_empty() {
         let help = "the filter has to start, and to use a sensor that reads the rows of an instrument, not those of a stage";
         return Err(Diagnostic::error("no innovation counts").help(help).into());
@@ -185,7 +183,7 @@ pub(super) fn thin(trials: &mut Trials<'_>, design: &Design, found: &[Independen
         };
         let stream = table(design, sensor);
         for (log, thinning) in trials.thinning.iter_mut().enumerate() {
-            let Some(rows) = point.score.logs[log].0[sensor].as_ref().filter(|rows| rows.len() > 1) else {
+            let Some(rows) = score.logs[log].0[sensor].as_ref().filter(|rows| rows.len() > 1) else {
                 continue;
             };
             if let Some(before) = thinning.iter_mut().find(|t| t.table == stream) {
