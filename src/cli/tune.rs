@@ -5,9 +5,10 @@ use super::progress::Runs;
 use super::run::period;
 use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
+use fusion::config::Diagnostic;
 use fusion::examine::{Missing, examine};
 use fusion::provenance::Provenance;
-use fusion::run::Options;
+use fusion::run::{KeptRows, Options};
 use fusion_judge::tune::{Found, Independence, Log, Settings, Tuned, tune as tune_logs};
 use fusion_tables::{Cell, Column, Page, Section, Table, short};
 use std::path::PathBuf;
@@ -30,6 +31,10 @@ pub(super) struct TuneArgs {
     /// The number of parts of each log, each judged by what the others give; 4 by default.
     #[arg(long, value_name = "K", default_value_t = 4, hide_default_value = true, value_parser = clap::value_parser!(u64).range(2..))]
     folds: u64,
+    /// The factor within which the declared noises are right, 1σ: they are a prior. Without it, they are one only for
+    /// noises that the log does not identify, with a factor of 20.
+    #[arg(long, value_name = "FACTOR")]
+    within: Option<f64>,
     #[command(flatten)]
     fix: FixArgs,
     #[command(flatten)]
@@ -44,6 +49,7 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
         let options = Options {
             data,
             base: args.design.base(),
+            kept: Some(KeptRows::default()),
             ..Options::default()
         };
         examine(design.document.clone(), &options, Missing::Told)?;
@@ -55,6 +61,9 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
     let settings = Settings {
         settle: args.settle.as_secs_f64(),
         folds: usize::try_from(args.folds).unwrap_or(usize::MAX),
+        prior: args.within.map(prior).transpose()?,
+        #[cfg(unix)]
+        stop: Some(super::stop::search()),
         ..Settings::default()
     };
     let bar = Runs::new();
@@ -75,6 +84,14 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
     }
     args.output.print(&page)?;
     if tuned.is_sound() { Ok(()) } else { Err(Failure::Dependent) }
+}
+
+/// The 1σ of the logarithm of a noise that is right within a factor.
+fn prior(within: f64) -> Result<f64, Diagnostic> {
+    if within > 1.0 && within.is_finite() {
+        return Ok(within.ln());
+    }
+    Err(Diagnostic::error(format!("`--within {within}` has to be a factor above 1")))
 }
 
 /// A dozen independent rows determine the factor to a factor of two; above three it is worth a word.
@@ -185,7 +202,7 @@ fn verdict(tuned: &Tuned) -> Section {
     let section = if tuned.has_converged {
         section
     } else {
-        section.note("The search ended at its limit of runs, before the maximum: start again from what it found.")
+        section.note("The search was stopped, or ended at its limit of runs, before the maximum: start again from what it found.")
     };
     section.note(runs)
 }

@@ -3,7 +3,7 @@
 use crate::real::data;
 use crate::support::{Workspace, stderr, stdout};
 use fusion::Selection;
-use fusion::run::Options;
+use fusion::run::{KeptRows, Options};
 use fusion_judge::tune::{Log, Settings, Tuned, tune};
 use std::path::Path;
 
@@ -24,6 +24,7 @@ fn tuned_with(settings: &Settings, design: &str, patterns: &[&str], set: &[&str]
         options: Options {
             data: data.map(Path::to_path_buf),
             base: file.parent().unwrap().to_path_buf(),
+            kept: Some(KeptRows::default()),
             ..Options::default()
         },
     };
@@ -59,6 +60,55 @@ fn the_nile_has_the_variances_and_the_likelihood_of_statsmodels() {
     assert!((noise - 15_098.5).abs() < 5.0, "{noise}");
     assert!((level - 1_469.2).abs() < 0.5, "{level}");
     assert!((found.log_likelihood + 632.546).abs() < 0.0005, "{}", found.log_likelihood);
+}
+
+/// The first year counts here: the filter expects it with a σ of a thousand kilometres.
+#[test]
+fn a_result_has_the_likelihood_of_its_innovations() {
+    let w = Workspace::new("likelihood");
+    let design = format!("{ROOT}/configs/series/nile.toml");
+    let sets = [
+        "--set",
+        "process.walk=[0, 0, \"38.33 m/sqrt(s)\"]",
+        "--set",
+        "sensor.flow.noise.sigma=122.876 m",
+    ];
+    w.fusion(&[&["run", &design, "--out", "out"][..], &sets].concat()).success();
+    let summary: serde_json::Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
+    let sections = summary["sections"].as_array().unwrap();
+    let section = sections.iter().find(|s| s["name"] == "likelihood").unwrap();
+    let row = &section["rows"][0];
+    assert_eq!((&row[0], &row[2]), (&"flow".into(), &100.into()));
+    let first = -0.5 * (std::f64::consts::TAU.ln() + 2.0 * 1e6_f64.ln());
+    let found = row[3].as_f64().unwrap() - first;
+    // The last digit of the published value.
+    assert!((found + 632.546).abs() < 0.0005, "{found}");
+}
+
+/// Without its gate, the filter follows outliers, and expects good rows less: the comparison says by how much.
+#[test]
+fn a_comparison_has_the_difference_of_likelihood_with_its_error() {
+    let w = Workspace::new("likelihood-compared");
+    let design = format!("{ROOT}/configs/ins-gps-outlier.toml");
+    let compared = w
+        .fusion(&["compare", &design, "--variant", "base,no-gate", "--format", "json"])
+        .success();
+    let page: serde_json::Value = serde_json::from_str(&stdout(&compared)).unwrap();
+    let sections = page["sections"].as_array().unwrap();
+    let is_likelihood = |s: &&serde_json::Value| s["title"].as_str().unwrap().starts_with("Likelihood");
+    let rows = &sections.iter().find(is_likelihood).unwrap()["tables"][0]["rows"];
+    let all = rows
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|row| &row["cells"])
+        .find(|c| c[1] == "all")
+        .unwrap();
+    let (nats, sigma) = (all[3].as_f64().unwrap(), all[4].as_f64().unwrap());
+    assert!(nats < -2.0 * sigma && sigma > 1.0, "{nats} ± {sigma}");
+    let each = rows.as_array().unwrap().iter().map(|row| row["cells"][3].as_f64().unwrap());
+    // Printed in full precision: 1e-9 is rounding of the sum.
+    assert!((each.sum::<f64>() - 2.0 * nats).abs() < 1e-9 * nats.abs().max(1.0), "{rows}");
 }
 
 /// From ten times and from a tenth of the truth, over seeds that the tool was not made on.

@@ -10,7 +10,7 @@ mod smoothing;
 mod summary;
 
 pub use crate::observe::FinalState;
-pub use crate::rows::SourceStatistics;
+pub use crate::rows::{KeptRows, SourceStatistics};
 pub use advice::{Advisor, Finding, Ignored, Rule};
 pub use files::Finished;
 pub use recorded::open_one;
@@ -72,6 +72,8 @@ pub struct Options {
     pub data: Option<PathBuf>,
     /// Rows that a program supplies instead of the files of sources, by source name.
     pub rows: BTreeMap<String, Supply>,
+    /// Decoded rows that several runs over the same sources share.
+    pub kept: Option<KeptRows>,
     /// Where the design's own relative paths start: the folder of its file.
     pub base: PathBuf,
     /// Where estimates.csv, updates.csv and summary.json go; nothing is written without it.

@@ -14,6 +14,7 @@ use fusion::design::Design;
 use fusion::observe::{RunEvent, RunObserver};
 use fusion_core::health::State;
 use fusion_core::runner::{Event, Halt};
+use std::hash::{DefaultHasher, Hasher};
 
 /// Blocks of time for an error: in the middle of what Schmeiser recommends. More blocks are shorter, fewer determine a
 /// variance less.
@@ -35,13 +36,13 @@ struct Sensor {
     terms: Vec<Term>,
 }
 
-/// A row: its number among all of its sensor, when it is valid \[s\], ln p, and the length of its residual.
+/// A row: its number among all of its sensor, when it is valid \[s\], ln p, and a hash of what was measured.
 #[derive(Clone, Copy, Debug)]
 struct Term {
     number: u32,
     time: f64,
     log: f64,
-    size: usize,
+    measured: u64,
 }
 
 impl Terms {
@@ -86,7 +87,7 @@ impl RunObserver for Terms {
                         number: own.heard,
                         time: time.seconds(),
                         log,
-                        size: update.residual.len(),
+                        measured: hash(update.value),
                     });
                 }
             }
@@ -110,7 +111,7 @@ pub struct Difference {
 }
 
 /// The differences from `first` to `second`, for each sensor that both have, and for all together. Rows are matched by
-/// their number among those of the sensor. Designs with other logs, or other residuals, do not compare.
+/// their number among those of the sensor, and count if both runs measured the same: two simulated worlds do not compare.
 #[must_use]
 pub fn differences(first: &Terms, second: &Terms) -> Vec<Difference> {
     let of = |one: &Sensor| {
@@ -118,7 +119,7 @@ pub fn differences(first: &Terms, second: &Terms) -> Vec<Difference> {
         let theirs = second.counted(other);
         let matched = first.counted(one).iter().filter_map(|term| {
             let at = theirs.binary_search_by_key(&term.number, |other| other.number).ok()?;
-            let other = theirs.get(at).filter(|other| other.size == term.size)?;
+            let other = theirs.get(at).filter(|other| other.measured == term.measured)?;
             Some((term.time, other.log - term.log))
         });
         let matched: Vec<(f64, f64)> = matched.collect();
@@ -130,6 +131,13 @@ pub fn differences(first: &Terms, second: &Terms) -> Vec<Difference> {
     let of_sensors = each.iter().map(|(name, rows)| difference(Some(name.clone()), rows));
     let together = (each.len() > 1).then(|| difference(None, &all));
     of_sensors.chain(together).collect()
+}
+
+/// The same for the same bits.
+fn hash(value: &[f64]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    value.iter().for_each(|v| hasher.write_u64(v.to_bits()));
+    hasher.finish()
 }
 
 /// The sum of differences in order of time, and its 1σ.

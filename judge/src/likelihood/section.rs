@@ -59,7 +59,7 @@ impl RunObserver for Likelihood {
             return Ok(());
         }
         match event {
-            // Rows before the alignment count only if there is none.
+            // Rows before the alignment count only if the filter never aligns.
             Event::Health { health } if health.state == State::Good && !self.has_aligned => {
                 self.has_aligned = true;
                 self.sensors.iter_mut().for_each(|sum| (sum.rows, sum.nats) = (0, 0.0));

@@ -13,8 +13,8 @@ const LONGEST: f64 = 2.0;
 const ENOUGH: f64 = 0.005;
 /// The same without gates: a parameter then lies within 1e-4 of its 1σ.
 const ENOUGH_SMOOTH: f64 = 1e-8;
-/// Slopes are found anew before the search ends, if its steps since then were expected to gain more than so many times
-/// the limit: ten times its distance.
+/// The search finds the slopes anew before it ends, if the steps since the last slopes were expected to gain more than
+/// this multiple of the limit. The distance is the root of it.
 const NEAR: f64 = 100.0;
 
 /// Where a search begins.

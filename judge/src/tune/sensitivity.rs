@@ -8,7 +8,7 @@
 //!
 //! One more run for each parameter gives b and A. At the next θ, one run is enough: Broyden's update gives b and A the
 //! smallest change with which they explain the step. An inexact b or A biases no estimate: at the true θ, w has mean 0
-//! and covariance I whatever the past was, so the mean of each slope is 0.
+//! and covariance I for every past, so the mean of each slope is 0.
 //!
 //! Source     Gupta, Mehra 1974 (IEEE TAC 19(6), 774): slope and information; Broyden 1965 (Mathematics of Computation
 //!            19, 577): the update; Godambe 1960, White 1982 (Econometrica 50, 1): the sandwich
@@ -175,7 +175,7 @@ impl Sensitivity {
     }
 
     /// The covariance of the estimate with the prior of weights `prior`: H⁻¹ (J + W) H⁻¹, H = I + W. J is the variance
-    /// of the slope by blocks of time: it needs neither normal innovations, nor independent ones.
+    /// of the slope, from blocks of time. It is right for correlated innovations too, and for those that are not normal.
     pub(super) fn covariance(&self, prior: &DVector<f64>) -> Option<DMatrix<f64>> {
         let d = self.free.len();
         let weight = DMatrix::from_diagonal(prior);

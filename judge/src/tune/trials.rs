@@ -3,7 +3,7 @@
 use super::record::{Recorder, Rows};
 use super::{Log, Parameter, Settings, white};
 use crate::likelihood::Density;
-use fusion::config::Diagnostics;
+use fusion::config::{Diagnostics, Edit};
 use fusion::design::Design;
 use fusion::run::run_sharing;
 use fusion_models::sim::SharedCourse;
@@ -101,8 +101,12 @@ impl Trials<'_> {
         for thinned in &self.thinning[log] {
             document.apply(&thinned.edit())?;
         }
+        // No run is scored.
+        if document.root().get("reference").is_some() {
+            document.apply(&Edit::leave_out("reference"))?;
+        }
         let design = Design::read(document)?;
-        let mut recorder = Recorder::new(&self.densities);
+        let mut recorder = Recorder::new(&design, &self.densities);
         let summary = run_sharing(&design, &own.options, &SharedCourse::default(), &mut [&mut recorder])?;
         self.runs.fetch_add(1, Ordering::Relaxed);
         let health = summary.health.iter().find(|h| h.filter.is_empty());

@@ -174,32 +174,43 @@ pub(super) fn thin(trials: &mut Trials<'_>, design: &Design, found: &[Independen
         let help = "the filter has to start, and to use a sensor that reads the rows of an instrument, not those of a stage";
         return Err(Diagnostic::error("no innovation counts").help(help).into());
     }
-    let mut has_thinned = false;
     let is_dependent = |own: &&Independence| own.whiteness <= trials.settings.false_refusal && own.overweighted > 1.0;
     let dependent: Vec<&Independence> = found.iter().filter(is_dependent).filter(|own| own.rows >= 2 * FEWEST).collect();
-    for own in dependent {
-        let Some(sensor) = design.sensors.iter().position(|s| s.name == own.sensor) else {
-            continue;
-        };
-        let stream = table(design, sensor);
+    let sensors: Vec<usize> = dependent
+        .iter()
+        .filter_map(|own| design.sensors.iter().position(|s| s.name == own.sensor))
+        .collect();
+    Ok(thin_sensors(trials, design, &sensors, score))
+}
+
+/// Thins the streams of all sensors with enough rows. Returns false if no sensor has.
+pub(super) fn thin_all(trials: &mut Trials<'_>, design: &Design, score: &Score) -> bool {
+    let rows = |sensor: usize| {
+        let each = score.logs.iter().filter_map(|(sensors, _)| sensors[sensor].as_ref());
+        each.map(Rows::len).sum::<usize>()
+    };
+    let sensors: Vec<usize> = (0..design.sensors.len()).filter(|sensor| rows(*sensor) >= 2 * FEWEST).collect();
+    thin_sensors(trials, design, &sensors, score)
+}
+
+fn thin_sensors(trials: &mut Trials<'_>, design: &Design, sensors: &[usize], score: &Score) -> bool {
+    // Two sensors of one stream thin it once.
+    let mut streams: Vec<(String, usize)> = sensors.iter().map(|sensor| (table(design, *sensor), *sensor)).collect();
+    streams.sort();
+    streams.dedup_by(|a, b| a.0 == b.0);
+    let mut has_thinned = false;
+    for (stream, sensor) in streams {
         for (log, thinning) in trials.thinning.iter_mut().enumerate() {
+            if let Some(before) = thinning.iter_mut().find(|t| t.table == stream) {
+                before.one_in *= 2;
+                has_thinned = true;
+                continue;
+            }
             let Some(rows) = score.logs[log].0[sensor].as_ref().filter(|rows| rows.len() > 1) else {
                 continue;
             };
-            if let Some(before) = thinning.iter_mut().find(|t| t.table == stream) {
-                // Two sensors of one stream thin it once.
-                if before.one_in == own.one_in {
-                    before.one_in *= 2;
-                    has_thinned = true;
-                }
-                continue;
-            }
-            let mut gaps: Vec<f64> = rows
-                .times
-                .windows(2)
-                .map(|pair| pair[1] - pair[0])
-                .filter(|gap| *gap > 0.0)
-                .collect();
+            let gaps = rows.times.windows(2).map(|pair| pair[1] - pair[0]);
+            let mut gaps: Vec<f64> = gaps.filter(|gap| *gap > 0.0).collect();
             gaps.sort_by(f64::total_cmp);
             let Some(interval) = gaps.get(gaps.len() / 2).copied() else {
                 continue;
@@ -213,7 +224,7 @@ pub(super) fn thin(trials: &mut Trials<'_>, design: &Design, found: &[Independen
             has_thinned = true;
         }
     }
-    Ok(has_thinned)
+    has_thinned
 }
 
 #[cfg(test)]
