@@ -120,6 +120,12 @@ fn noises(found: &[Found]) -> Table {
                 Cell::Empty,
                 Cell::Empty,
             ],
+            None if f.is_identifiable() => [
+                Cell::text("as declared: no gain on unseen parts"),
+                Cell::Real(f.factor),
+                Cell::Empty,
+                Cell::Empty,
+            ],
             None => [Cell::text("not identifiable on this log"), Cell::Empty, Cell::Empty, Cell::Empty],
         };
         t.row(
@@ -194,6 +200,15 @@ fn verdict(tuned: &Tuned) -> Section {
             heavy.join(", ")
         ))
     };
+    let varying = tuned.independence.iter().filter(|i| i.varies > 1.0);
+    let section = varying.fold(section, |section, i| {
+        section.note(format!(
+            "The noise of `{}` changes along the log: in one of twenty parts, σ is more than {} times that of the whole. Use that where σ \
+             has to hold everywhere.",
+            i.sensor,
+            short(i.varies)
+        ))
+    });
     let section = if is_better(tuned) {
         section
     } else {

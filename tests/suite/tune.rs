@@ -55,7 +55,7 @@ fn the_nile_has_the_variances_and_the_likelihood_of_statsmodels() {
     );
     assert!(found.is_sound() && found.has_converged, "{found:?}");
     let variance = |path: &str, declared: f64| (factor(&found, path).unwrap().0 * declared).powi(2);
-    let (level, noise) = (variance("process.walk", 30.0), variance("sensor.flow.noise", 100.0));
+    let (level, noise) = (variance("process.walk", 5.0), variance("sensor.flow.noise", 500.0));
     // Half of the last digit of the four.
     assert!((noise - 15_098.5).abs() < 5.0, "{noise}");
     assert!((level - 1_469.2).abs() < 0.5, "{level}");
@@ -137,10 +137,22 @@ fn noises_of_a_simulated_world_are_found_from_far_off_and_the_interval_holds_the
 
 #[test]
 fn what_the_log_does_not_tell_keeps_its_value_and_has_its_name() {
-    let found = tuned("configs/ins-gps.toml", &["accelerometer.noise", "sensor.*.noise"], &[], None);
+    // Twice the truth: a noise that is right keeps its value too.
+    let twice = [
+        "sensor.position.noise.sigma=[\"2 m\", \"2 m\", \"4 m\"]",
+        "sensor.velocity.noise.sigma=0.1 m/s",
+    ];
+    let found = tuned("configs/ins-gps.toml", &["accelerometer.noise", "sensor.*.noise"], &twice, None);
     assert_eq!(factor(&found, "process.accelerometer.noise"), None);
     let edits: Vec<String> = found.edits().into_iter().map(|edit| edit.key).collect();
     assert_eq!(edits, ["sensor.position.noise.sigma", "sensor.velocity.noise.sigma"]);
+}
+
+#[test]
+fn a_noise_that_is_right_keeps_its_value() {
+    let found = tuned("configs/ins-gps.toml", &["sensor.*.noise"], &[], None);
+    assert!(found.found.iter().all(|f| f.is_identifiable() && f.factor == 1.0), "{found:?}");
+    assert_eq!(found.edits(), []);
 }
 
 /// One fix in ten is wrong by 30 m and more, and the sensor has a gate.

@@ -141,7 +141,7 @@ fn hash(value: &[f64]) -> u64 {
 }
 
 /// The sum of differences in order of time, and its 1σ.
-fn difference(sensor: Option<String>, rows: &[(f64, f64)]) -> Difference {
+pub(crate) fn difference(sensor: Option<String>, rows: &[(f64, f64)]) -> Difference {
     let (from, to) = (rows.first().map_or(0.0, |row| row.0), rows.last().map_or(0.0, |row| row.0));
     let mut blocks = [0.0; BLOCKS];
     for (time, nats) in rows {

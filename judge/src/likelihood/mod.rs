@@ -18,7 +18,7 @@ mod difference;
 mod section;
 
 pub(crate) use density::{Density, between, product, whitened};
-pub(crate) use difference::{BLOCKS, block};
+pub(crate) use difference::{BLOCKS, block, difference};
 pub use difference::{Difference, Terms, differences};
 
 use fusion::design::{Design, Named, SensorDesign};

@@ -30,8 +30,8 @@ pub use parameter::Parameter;
 pub use white::Independence;
 
 use self::climb::{Point, Start, climb};
-use self::trials::Trials;
-use crate::likelihood::densities;
+use self::trials::{Part, Score, Trials};
+use crate::likelihood::{densities, difference};
 use fusion::config::{Diagnostic, Diagnostics, Document, Edit};
 use fusion::design::Design;
 use fusion::run::Options;
@@ -71,7 +71,7 @@ impl Default for Settings {
         Self {
             settle: 0.0,
             folds: 4,
-            most_runs: 400,
+            most_runs: 1000,
             false_refusal: 1e-3,
             prior: None,
             stop: None,
@@ -110,7 +110,8 @@ impl Found {
     /// The edit of the design, with as many digits as its σ supports; `None` if it keeps its declared value.
     #[must_use]
     pub fn edit(&self) -> Option<Edit> {
-        (self.is_identifiable() || self.is_refuted).then(|| self.parameter.times(self.factor, Some(3)))
+        let is_new = self.factor != 1.0;
+        (is_new && (self.is_identifiable() || self.is_refuted)).then(|| self.parameter.times(self.factor, Some(3)))
     }
 }
 
@@ -190,8 +191,12 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         mut independence,
         sigmas,
         refuted,
+        unseen,
     } = search(&mut trials, &design, progress)?;
-    let (nats, unseen) = gains(&trials, &point)?;
+    let declared = trials.at(&vec![0.0; point.theta.len()])?;
+    let nats = trials.gain(&declared, &point.score, &all_rows);
+    let of_part = |(part, score): &(Part, Score)| trials.gain(&declared, score, &|log, time| part.holds(log, time));
+    let unseen: Vec<f64> = unseen.iter().map(of_part).collect();
     let log_likelihood = trials.log_likelihood(&point.score, &all_rows);
     let found = trials.parameters.iter().enumerate().map(|(j, parameter)| Found {
         parameter: parameter.clone(),
@@ -233,6 +238,8 @@ struct End {
     sigmas: Vec<f64>,
     /// The parameters that are not identifiable, and do not keep their declared value.
     refuted: Vec<usize>,
+    /// Each part of the logs, with the innovations that the noises of the other parts give.
+    unseen: Vec<(Part, Score)>,
 }
 
 /// Finds the maximum with rows so thin that innovations are white, and that fewer rows give the same noises.
@@ -359,12 +366,57 @@ fn keep(trials: &Trials<'_>, design: &Design, mut point: Point, progress: &(dyn 
         let far = |j: &usize| point.theta[*j].abs();
         refuted.extend(kept.iter().copied().max_by(|a, b| far(a).total_cmp(&far(b))));
     }
+    let (point, unseen) = simplest(trials, point, &sigmas, progress)?;
     Ok(End {
         independence: white::judge(design, trials, &point.score),
         point,
         sigmas,
         refuted,
+        unseen,
     })
+}
+
+/// The innovations of each part with the noises that the other parts give.
+fn unseen(trials: &Trials<'_>, point: &Point) -> Result<Vec<(Part, Score)>, Diagnostics> {
+    let parts = point.score.parts(trials.settings.folds).into_iter();
+    parts.map(|part| Ok((part, trials.at(&point.without(&part))?))).collect()
+}
+
+/// Gives a noise its declared value back, unless the value that was found gains more likelihood on unseen parts than the
+/// 1σ of this gain, by blocks of time.
+///
+/// Source     Breiman, Friedman, Olshen, Stone 1984, §3.4.3: of models within one standard error, the simplest
+fn simplest(
+    trials: &Trials<'_>,
+    mut point: Point,
+    sigmas: &[f64],
+    progress: &(dyn Fn(u64, f64) + Sync),
+) -> Result<(Point, Vec<(Part, Score)>), Diagnostics> {
+    /// So many 1σ from its declared value a noise gains 50 nats, on any part.
+    const CLEAR: f64 = 10.0;
+    let mut best = unseen(trials, &point)?;
+    let far = |j: &usize| (point.theta[*j] / sigmas[*j]).abs();
+    let mut doubtful: Vec<usize> = point
+        .free()
+        .iter()
+        .copied()
+        .filter(|j| sigmas[*j] <= 1.0 && far(j) < CLEAR)
+        .collect();
+    doubtful.sort_by(|a, b| far(a).total_cmp(&far(b)));
+    for j in doubtful {
+        let other = climb(trials, point.pinned(&[(j, 0.0)]), progress)?;
+        let theirs = unseen(trials, &other)?;
+        let pairs = theirs.iter().zip(&best);
+        let mut rows: Vec<(f64, f64)> = pairs
+            .flat_map(|((part, declared), (_, found))| trials.gains(declared, found, &|log, time| part.holds(log, time)))
+            .collect();
+        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let gain = difference(None, &rows);
+        if gain.nats <= if gain.sigma.is_nan() { 0.0 } else { gain.sigma } {
+            (point, best) = (other, theirs);
+        }
+    }
+    Ok((point, best))
 }
 
 /// Whether the log refutes that a noise is absent: a twentieth of it, with the others found anew, costs more likelihood
@@ -373,15 +425,4 @@ fn is_needed(trials: &Trials<'_>, point: &Point, j: usize, progress: &(dyn Fn(u6
     let without = climb(trials, point.pinned(&[(j, point.theta[j] - PRIOR)]), progress)?;
     let cost = trials.log_likelihood(&point.score, &all_rows) - trials.log_likelihood(&without.score, &all_rows);
     Ok(cost > 0.5 * chi_square_quantile(1.0 - CHANCE, 1.0))
-}
-
-/// The gain over the declared values on all rows, and on each part with what the other parts give.
-fn gains(trials: &Trials<'_>, point: &Point) -> Result<(f64, Vec<f64>), Diagnostics> {
-    let base = trials.at(&vec![0.0; point.theta.len()])?;
-    let all = trials.gain(&base, &point.score, &all_rows);
-    let each = base.parts(trials.settings.folds).into_iter().map(|part| {
-        let other = trials.at(&point.without(&part))?;
-        Ok(trials.gain(&base, &other, &|log, time| part.holds(log, time)))
-    });
-    Ok((all, each.collect::<Result<_, Diagnostics>>()?))
 }

@@ -131,7 +131,12 @@ impl Trials<'_> {
 
     /// The gain in nats from `a` to `b`, over the rows of both that `counts` selects by log and time.
     pub(super) fn gain(&self, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> f64 {
-        let mut sum = 0.0;
+        self.gains(a, b, counts).iter().map(|(_, gain)| gain).sum()
+    }
+
+    /// The same, row by row: the time of each, and its gain.
+    pub(super) fn gains(&self, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> Vec<(f64, f64)> {
+        let mut gains = Vec::new();
         for (log, ((one, from), (other, _))) in a.logs.iter().zip(&b.logs).enumerate() {
             for ((one, other), density) in one.iter().zip(other).zip(&self.densities) {
                 let (Some(one), Some(other), Some(density)) = (one, other, density) else {
@@ -140,10 +145,10 @@ impl Trials<'_> {
                 for k in (0..one.len()).filter(|k| one.times[*k] >= *from && counts(log, one.times[*k])) {
                     let Some(at) = other.at(one.numbers[k]) else { continue };
                     let ((r, l), (r_b, l_b)) = (one.innovation(k), other.innovation(at));
-                    sum += density.log(r_b, l_b) - density.log(r, l);
+                    gains.push((one.times[k], density.log(r_b, l_b) - density.log(r, l)));
                 }
             }
         }
-        sum
+        gains
     }
 }
