@@ -1,7 +1,10 @@
-//! Judging a design by many runs: campaigns of many seeds, stress by declared and drawn faults, and tuning of its noises.
+//! Judging a design: campaigns of many seeds, stress by declared and drawn faults, the likelihood of its innovations, and
+//! tuning of its noises by it.
 //!
-//! A program that links this crate checks the table `[stress]` of a design when the design is read.
+//! A program that links this crate checks the table `[stress]` of a design when the design is read, and finds the
+//! likelihood among the sections of a result.
 
 pub mod campaign;
+pub mod likelihood;
 pub mod stress;
 pub mod tune;

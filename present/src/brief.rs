@@ -26,7 +26,7 @@ impl Shown<'_, Summary> {
                 .into_iter()
                 .chain(control::section(self.control()))
                 .chain([self.sensors_in_short()])
-                .chain(crate::section::all(self))
+                .chain(crate::section::brief(self))
                 .collect(),
         }
     }

@@ -7,6 +7,7 @@ use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
 use fusion::observe::SensorStatistics;
 use fusion::run::Summary;
 use fusion::score::{Consistency, Convergence, Score, Travelled};
+use fusion_judge::likelihood::{Terms, differences};
 use fusion_tables::Unit;
 use fusion_tables::{Cell, Column, Section, Table};
 
@@ -59,6 +60,33 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
     sections.push(Section::new("Health, share of the time", [health::shares("run", healths)]));
     sections.push(Section::new(last, [consistency(runs)]));
     sections
+}
+
+/// How much more probable each run held its measurements than the first run did.
+#[must_use]
+pub fn likelihood(runs: &[(&str, &Terms)]) -> Section {
+    let mut t = Table::new([
+        Column::text("run"),
+        Column::text("sensor"),
+        Column::number("rows of both"),
+        Column::number("gain [nats]"),
+        Column::number("its 1σ"),
+    ]);
+    let Some(((first, base), others)) = runs.split_first() else {
+        return Section::new("", []);
+    };
+    for (name, terms) in others {
+        for own in differences(base, terms) {
+            t.row([
+                Cell::text(*name),
+                Cell::text(own.sensor.as_deref().unwrap_or("all")),
+                Cell::from(own.rows),
+                Cell::Real(own.nats),
+                Cell::real(Some(own.sigma).filter(|sigma| sigma.is_finite())),
+            ]);
+        }
+    }
+    Section::new(format!("Likelihood of innovations, gain over `{first}`"), [t])
 }
 
 /// Whether there was a reference to compare estimates with.

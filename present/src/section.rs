@@ -3,6 +3,11 @@
 use fusion::observe::{Figure, RunSection, Summary};
 use fusion_tables::{Cell, Column, Section, Table, Unit};
 
+/// The sections of the short result of a run.
+pub(crate) fn brief(summary: &Summary) -> impl Iterator<Item = Section> {
+    summary.shown().filter(|section| !section.is_detail).map(of)
+}
+
 /// The sections of a run.
 pub(crate) fn all(summary: &Summary) -> impl Iterator<Item = Section> {
     summary.shown().map(of)
@@ -51,6 +56,7 @@ mod tests {
                 vec![Figure::Text("roll".to_owned()), Figure::Number(f64::NAN), Figure::Count(3)],
             ],
             notes: vec!["Faster than a car.".to_owned()],
+            is_detail: false,
         };
         let page = fusion_tables::Page {
             sections: all(&Summary::default().with(section)).collect(),

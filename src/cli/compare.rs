@@ -11,6 +11,7 @@ use fusion::output::FileSet;
 use fusion::provenance::Provenance;
 use fusion::run::{Keep, Options, Smoothing, Summary};
 use fusion_judge::campaign::{Campaign, monte_carlo};
+use fusion_judge::likelihood::Terms;
 use fusion_present::Shown;
 use fusion_present::campaign::{health, pooled};
 use fusion_present::comparison;
@@ -75,6 +76,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     // Reports files that cannot be written before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let (mut results, mut recordings, mut title) = (Vec::<(String, Summary)>::new(), Vec::new(), String::new());
+    let mut terms = Vec::new();
     let mut campaigns = Vec::<(String, Campaign)>::new();
     let mut designs = Vec::new();
     let bar = Runs::new();
@@ -120,7 +122,9 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 continue;
             }
             bar.at(results.len() as u64, number as u64);
-            let (finished, recording) = record(design, &options, &mut |_| {})?;
+            let mut own = Terms::new(design);
+            let (finished, recording) = record(design, &options, &mut [&mut own], &mut |_| {})?;
+            terms.push(own);
             title.clone_from(&design.run.description);
             recordings.push(recording);
             results.push((name, finished.summary));
@@ -145,6 +149,12 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             .collect(),
         sections: comparison::sections(&named),
     };
+    let likelihoods: Vec<(&str, &Terms)> = results
+        .iter()
+        .zip(&terms)
+        .map(|((name, _), terms)| (name.as_str(), terms))
+        .collect();
+    page.sections.push(comparison::likelihood(&likelihoods));
     if let (Some(out), Some(mut files)) = (&args.out, files) {
         let runs = named.iter().zip(&recordings);
         let runs: Vec<Run<'_>> = runs.map(|(&(name, summary), recording)| Run { name, recording, summary }).collect();

@@ -123,7 +123,7 @@ impl MonteCarloArgs {
                 base: options.base.clone(),
                 ..Options::default()
             };
-            let (finished, recording) = record(design, &again, &mut |_| {})?;
+            let (finished, recording) = record(design, &again, &mut [], &mut |_| {})?;
             let run = Run {
                 name: "estimate",
                 recording: &recording,

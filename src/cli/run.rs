@@ -155,7 +155,7 @@ pub(super) fn written(files: impl IntoIterator<Item = PathBuf>) -> Section {
 
 /// Runs a design and writes its files, report.html among them.
 fn reported(design: &Design, options: &Options, progress: &mut dyn FnMut(run::Progress)) -> Result<Summary, Diagnostics> {
-    let (mut finished, recording) = report::record(design, options, progress)?;
+    let (mut finished, recording) = report::record(design, options, &mut [], progress)?;
     if let Some(files) = &mut finished.files {
         let run = report::Run {
             name: "estimate",

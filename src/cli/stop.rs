@@ -1,15 +1,24 @@
 //! A stop from outside: SIGINT (Ctrl-C) and SIGTERM.
 //!
 //! The process ends wherever it is, a read from a silent pipe included. Files that are not whole
-//! have no names yet and are removed; a set that is getting its names gets all of them first.
+//! have no names yet and are removed; a set that is getting its names gets all of them first. A search
+//! that asks for it ends at the first SIGINT with the best that it has found.
 
 use super::report_line;
 use fusion::output::abandon;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register_conditional_shutdown;
 use signal_hook::iterator::Signals;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+
+/// Becomes true at the first SIGINT, if a search asks for it.
+static SEARCH: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+
+/// From now on, the first SIGINT does not end the process: it makes this true.
+pub(super) fn search() -> Arc<AtomicBool> {
+    Arc::clone(SEARCH.get_or_init(Arc::default))
+}
 
 /// Ends the process at the first of these signals, with 128 and its number as the shell expects.
 ///
@@ -23,7 +32,12 @@ pub(super) fn watch() -> std::io::Result<()> {
     }
     let mut signals = Signals::new([SIGINT, SIGTERM])?;
     std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        if let Some(signal) = signals.forever().next() {
+        for signal in signals.forever() {
+            let search = SEARCH.get().filter(|_| signal == SIGINT);
+            if search.is_some_and(|is_stopped| !is_stopped.swap(true, Ordering::SeqCst)) {
+                report_line("\nthe search ends with the best so far; a second Ctrl-C ends it without a result");
+                continue;
+            }
             is_ending.store(true, Ordering::SeqCst);
             end(signal);
         }

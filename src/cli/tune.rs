@@ -5,9 +5,10 @@ use super::progress::Runs;
 use super::run::period;
 use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
+use fusion::config::Diagnostic;
 use fusion::examine::{Missing, examine};
 use fusion::provenance::Provenance;
-use fusion::run::Options;
+use fusion::run::{KeptRows, Options};
 use fusion_judge::tune::{Found, Independence, Log, Settings, Tuned, tune as tune_logs};
 use fusion_tables::{Cell, Column, Page, Section, Table, short};
 use std::path::PathBuf;
@@ -30,6 +31,10 @@ pub(super) struct TuneArgs {
     /// The number of parts of each log, each judged by what the others give; 4 by default.
     #[arg(long, value_name = "K", default_value_t = 4, hide_default_value = true, value_parser = clap::value_parser!(u64).range(2..))]
     folds: u64,
+    /// The factor within which the declared noises are right, 1σ: they are a prior. Without it, they are one only for
+    /// noises that the log does not identify, with a factor of 20.
+    #[arg(long, value_name = "FACTOR")]
+    within: Option<f64>,
     #[command(flatten)]
     fix: FixArgs,
     #[command(flatten)]
@@ -44,6 +49,7 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
         let options = Options {
             data,
             base: args.design.base(),
+            kept: Some(KeptRows::default()),
             ..Options::default()
         };
         examine(design.document.clone(), &options, Missing::Told)?;
@@ -55,6 +61,9 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
     let settings = Settings {
         settle: args.settle.as_secs_f64(),
         folds: usize::try_from(args.folds).unwrap_or(usize::MAX),
+        prior: args.within.map(prior).transpose()?,
+        #[cfg(unix)]
+        stop: Some(super::stop::search()),
         ..Settings::default()
     };
     let bar = Runs::new();
@@ -77,6 +86,14 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
     if tuned.is_sound() { Ok(()) } else { Err(Failure::Dependent) }
 }
 
+/// The 1σ of the logarithm of a noise that is right within a factor.
+fn prior(within: f64) -> Result<f64, Diagnostic> {
+    if within > 1.0 && within.is_finite() {
+        return Ok(within.ln());
+    }
+    Err(Diagnostic::error(format!("`--within {within}` has to be a factor above 1")))
+}
+
 /// A dozen independent rows determine the factor to a factor of two; above three it is worth a word.
 const HEAVY: f64 = 3.0;
 
@@ -96,7 +113,19 @@ fn noises(found: &[Found]) -> Table {
     for f in found {
         let (from, to) = f.interval();
         let cells = match f.edit().and_then(|edit| edit.value) {
-            Some(value) => [Cell::text(value), Cell::Real(f.factor), Cell::Real(from), Cell::Real(to)],
+            Some(value) if f.is_identifiable() => [Cell::text(value), Cell::Real(f.factor), Cell::Real(from), Cell::Real(to)],
+            Some(value) => [
+                Cell::text(format!("{value}, a guess: not identifiable, but the declared value is refuted")),
+                Cell::Real(f.factor),
+                Cell::Empty,
+                Cell::Empty,
+            ],
+            None if f.is_identifiable() => [
+                Cell::text("as declared: no gain on unseen parts"),
+                Cell::Real(f.factor),
+                Cell::Empty,
+                Cell::Empty,
+            ],
             None => [Cell::text("not identifiable on this log"), Cell::Empty, Cell::Empty, Cell::Empty],
         };
         t.row(
@@ -153,7 +182,8 @@ fn verdict(tuned: &Tuned) -> Section {
     }
     let parts: Vec<String> = tuned.unseen.iter().map(|gain| format!("{gain:.1}")).collect();
     let unseen = format!(
-        "Gain in ln likelihood: {:.1} nats on all rows, {:.1} on parts that were not seen ({}).",
+        "ln L {:.1} nats. Gain: {:.1} on all rows, {:.1} on parts that were not seen ({}).",
+        tuned.log_likelihood,
         tuned.nats,
         tuned.gain(),
         parts.join(", ")
@@ -170,6 +200,15 @@ fn verdict(tuned: &Tuned) -> Section {
             heavy.join(", ")
         ))
     };
+    let varying = tuned.independence.iter().filter(|i| i.varies > 1.0);
+    let section = varying.fold(section, |section, i| {
+        section.note(format!(
+            "The noise of `{}` changes along the log: in one of twenty parts, σ is more than {} times that of the whole. Use that where σ \
+             has to hold everywhere.",
+            i.sensor,
+            short(i.varies)
+        ))
+    });
     let section = if is_better(tuned) {
         section
     } else {
@@ -178,7 +217,7 @@ fn verdict(tuned: &Tuned) -> Section {
     let section = if tuned.has_converged {
         section
     } else {
-        section.note("The search ended at its limit of runs, before the maximum: start again from what it found.")
+        section.note("The search was stopped, or ended at its limit of runs, before the maximum: start again from what it found.")
     };
     section.note(runs)
 }

@@ -3,13 +3,17 @@
 use crate::real::data;
 use crate::support::{Workspace, stderr, stdout};
 use fusion::Selection;
-use fusion::run::Options;
+use fusion::run::{KeptRows, Options};
 use fusion_judge::tune::{Log, Settings, Tuned, tune};
 use std::path::Path;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 fn tuned(design: &str, patterns: &[&str], set: &[&str], data: Option<&Path>) -> Tuned {
+    tuned_with(&Settings::default(), design, patterns, set, data)
+}
+
+fn tuned_with(settings: &Settings, design: &str, patterns: &[&str], set: &[&str], data: Option<&Path>) -> Tuned {
     let selection = Selection {
         set: set.iter().map(|set| (*set).to_owned()).collect(),
         ..Selection::default()
@@ -20,17 +24,91 @@ fn tuned(design: &str, patterns: &[&str], set: &[&str], data: Option<&Path>) -> 
         options: Options {
             data: data.map(Path::to_path_buf),
             base: file.parent().unwrap().to_path_buf(),
+            kept: Some(KeptRows::default()),
             ..Options::default()
         },
     };
     let patterns: Vec<String> = patterns.iter().map(|p| (*p).to_owned()).collect();
-    tune(&[log], &patterns, &Settings::default(), &|_, _| {}).unwrap_or_else(|d| panic!("{d}"))
+    tune(&[log], &patterns, settings, &|_, _| {}).unwrap_or_else(|d| panic!("{d}"))
 }
 
 /// The factor of each noise that is found, by the path of the noise.
 fn factor(tuned: &Tuned, path: &str) -> Option<(f64, (f64, f64))> {
     let found = tuned.found.iter().find(|f| f.parameter.path == path).unwrap();
     found.is_identifiable().then(|| (found.factor, found.interval()))
+}
+
+/// The local level of the Nile: Durbin and Koopman 2012, §2.10, and `statsmodels`, to their last digit.
+#[test]
+fn the_nile_has_the_variances_and_the_likelihood_of_statsmodels() {
+    // The first year has no expectation: it does not count.
+    let settings = Settings {
+        settle: 1.5,
+        ..Settings::default()
+    };
+    let found = tuned_with(
+        &settings,
+        "configs/series/nile.toml",
+        &["process.walk", "sensor.flow.noise"],
+        &[],
+        None,
+    );
+    assert!(found.is_sound() && found.has_converged, "{found:?}");
+    let variance = |path: &str, declared: f64| (factor(&found, path).unwrap().0 * declared).powi(2);
+    let (level, noise) = (variance("process.walk", 5.0), variance("sensor.flow.noise", 500.0));
+    // Half of the last digit of the four.
+    assert!((noise - 15_098.5).abs() < 5.0, "{noise}");
+    assert!((level - 1_469.2).abs() < 0.5, "{level}");
+    assert!((found.log_likelihood + 632.546).abs() < 0.0005, "{}", found.log_likelihood);
+}
+
+/// The first year counts here: the filter expects it with a σ of a thousand kilometres.
+#[test]
+fn a_result_has_the_likelihood_of_its_innovations() {
+    let w = Workspace::new("likelihood");
+    let design = format!("{ROOT}/configs/series/nile.toml");
+    let sets = [
+        "--set",
+        "process.walk=[0, 0, \"38.33 m/sqrt(s)\"]",
+        "--set",
+        "sensor.flow.noise.sigma=122.876 m",
+    ];
+    w.fusion(&[&["run", &design, "--out", "out"][..], &sets].concat()).success();
+    let summary: serde_json::Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
+    let sections = summary["sections"].as_array().unwrap();
+    let section = sections.iter().find(|s| s["name"] == "likelihood").unwrap();
+    let row = &section["rows"][0];
+    assert_eq!((&row[0], &row[2]), (&"flow".into(), &100.into()));
+    let first = -0.5 * (std::f64::consts::TAU.ln() + 2.0 * 1e6_f64.ln());
+    let found = row[3].as_f64().unwrap() - first;
+    // The last digit of the published value.
+    assert!((found + 632.546).abs() < 0.0005, "{found}");
+}
+
+/// Without its gate, the filter follows outliers, and expects good rows less: the comparison says by how much.
+#[test]
+fn a_comparison_has_the_difference_of_likelihood_with_its_error() {
+    let w = Workspace::new("likelihood-compared");
+    let design = format!("{ROOT}/configs/ins-gps-outlier.toml");
+    let compared = w
+        .fusion(&["compare", &design, "--variant", "base,no-gate", "--format", "json"])
+        .success();
+    let page: serde_json::Value = serde_json::from_str(&stdout(&compared)).unwrap();
+    let sections = page["sections"].as_array().unwrap();
+    let is_likelihood = |s: &&serde_json::Value| s["title"].as_str().unwrap().starts_with("Likelihood");
+    let rows = &sections.iter().find(is_likelihood).unwrap()["tables"][0]["rows"];
+    let all = rows
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|row| &row["cells"])
+        .find(|c| c[1] == "all")
+        .unwrap();
+    let (nats, sigma) = (all[3].as_f64().unwrap(), all[4].as_f64().unwrap());
+    assert!(nats < -2.0 * sigma && sigma > 1.0, "{nats} ± {sigma}");
+    let each = rows.as_array().unwrap().iter().map(|row| row["cells"][3].as_f64().unwrap());
+    // Printed in full precision: 1e-9 is rounding of the sum.
+    assert!((each.sum::<f64>() - 2.0 * nats).abs() < 1e-9 * nats.abs().max(1.0), "{rows}");
 }
 
 /// From ten times and from a tenth of the truth, over seeds that the tool was not made on.
@@ -59,10 +137,22 @@ fn noises_of_a_simulated_world_are_found_from_far_off_and_the_interval_holds_the
 
 #[test]
 fn what_the_log_does_not_tell_keeps_its_value_and_has_its_name() {
-    let found = tuned("configs/ins-gps.toml", &["accelerometer.noise", "sensor.*.noise"], &[], None);
+    // Twice the truth: a noise that is right keeps its value too.
+    let twice = [
+        "sensor.position.noise.sigma=[\"2 m\", \"2 m\", \"4 m\"]",
+        "sensor.velocity.noise.sigma=0.1 m/s",
+    ];
+    let found = tuned("configs/ins-gps.toml", &["accelerometer.noise", "sensor.*.noise"], &twice, None);
     assert_eq!(factor(&found, "process.accelerometer.noise"), None);
     let edits: Vec<String> = found.edits().into_iter().map(|edit| edit.key).collect();
     assert_eq!(edits, ["sensor.position.noise.sigma", "sensor.velocity.noise.sigma"]);
+}
+
+#[test]
+fn a_noise_that_is_right_keeps_its_value() {
+    let found = tuned("configs/ins-gps.toml", &["sensor.*.noise"], &[], None);
+    assert!(found.found.iter().all(|f| f.is_identifiable() && f.factor == 1.0), "{found:?}");
+    assert_eq!(found.edits(), []);
 }
 
 /// One fix in ten is wrong by 30 m and more, and the sensor has a gate.

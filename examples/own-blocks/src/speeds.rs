@@ -44,7 +44,7 @@ impl Section for Speeds {
                 column("at", "s"),
             ],
             rows: ["horizontal", "vertical"].into_iter().enumerate().map(row).collect(),
-            notes: Vec::new(),
+            ..RunSection::default()
         })
     }
 }

@@ -16,6 +16,9 @@ pub struct RunSection {
     pub rows: Vec<Vec<Figure>>,
     /// Sentences below the table.
     pub notes: Vec<String>,
+    /// Whether it is shown with all tables only, and not in the short result of a run.
+    #[serde(skip)]
+    pub is_detail: bool,
 }
 
 impl Section for RunSection {

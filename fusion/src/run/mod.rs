@@ -12,7 +12,7 @@ mod sections;
 mod smoothing;
 
 pub use crate::observe::{Counts, Failures, FinalState, InsideScore, Smoothed, Start, Summary, UnusedRows};
-pub use crate::rows::SourceStatistics;
+pub use crate::rows::{KeptRows, SourceStatistics};
 pub use advice::{Advisor, Finding, Ignored, Rule};
 pub use faults::FaultWindow;
 pub use files::Finished;
@@ -68,6 +68,8 @@ pub struct Options {
     pub data: Option<PathBuf>,
     /// Rows that a program supplies instead of the files of sources, by source name.
     pub rows: BTreeMap<String, Supply>,
+    /// Decoded rows that several runs over the same sources share.
+    pub kept: Option<KeptRows>,
     /// Where the design's own relative paths start: the folder of its file.
     pub base: PathBuf,
     /// Where estimates.csv, updates.csv and summary.json go; nothing is written without it.

@@ -91,7 +91,12 @@ fn open_all<'a>(design: &'a Design, options: &Options, unread: &Unread) -> Resul
             unread: unread.clone(),
             rows: options.rows.get(&named.name).cloned(),
         };
-        match open_one(&named.block, &context) {
+        let open = || undisturbed(&named.block, &context);
+        let rows = match &options.kept {
+            Some(kept) => kept.of(&named.name, open),
+            None => open(),
+        };
+        match rows.and_then(|rows| disturbed(rows, &named.block, &context)) {
             Ok(source) => opened.push((named, source)),
             Err(error) => d.extend(error.diagnostics(&named.node)),
         }
@@ -104,10 +109,19 @@ fn open_all<'a>(design: &'a Design, options: &Options, unread: &Unread) -> Resul
 /// # Errors
 /// Mistakes of its declaration or of its file.
 pub fn open_one(source: &SourceDesign, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
-    let rows = match &context.rows {
-        Some(supply) => source.source.open_rows(supply.open()?, context)?,
-        None => source.source.open(context)?,
-    };
+    disturbed(undisturbed(source, context)?, source, context)
+}
+
+/// A source before its faults.
+fn undisturbed(source: &SourceDesign, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
+    match &context.rows {
+        Some(supply) => source.source.open_rows(supply.open()?, context),
+        None => source.source.open(context),
+    }
+}
+
+/// The rows of a source with its faults.
+fn disturbed(rows: Box<dyn RowStream>, source: &SourceDesign, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
     let faulted = Faulted::new(rows, &source.faults, |fault| context.fault_seed(fault))?;
     Ok(Box::new(faulted))
 }

@@ -247,6 +247,7 @@ fn told(design: &Design, options: &Options) -> String {
         resume: _,
         rows: _,
         ignored: _,
+        kept: _,
     } = options;
     let is_portable = design.filter.kernel.unwrap_or_default() == Kernel::PORTABLE;
     format!("{seed:?} {smooth:?} {} {data:?} {causal} {is_portable}", out.is_some())

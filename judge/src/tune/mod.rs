@@ -2,44 +2,49 @@
 //!
 //! ```text
 //! parameters θ (logarithms of factors) ──▶ d + 1 runs ──▶ innovations r, L of each row, S = L Lᵀ
-//!        ▲                                                        │ ln p(r | S), its slope, its information
-//!        └──────────── Fisher scoring, with a damped step ◀───────┘
+//!        ▲                                                        │ how each changes with θ; slope, information
+//!        └── a step of Fisher scoring, one run, Broyden's update ◀┘
 //! ```
 //!
-//! The likelihood of a run is Σ ln p(rₖ | Sₖ) over the rows of sensors with an instrument, from alignment on. The rows of
-//! a gated sensor count with a density that has a tail, the rejected rows as well. Rows of two runs are
-//! matched by their number.
+//! Which rows count, and with which density, is as for the [likelihood](crate::likelihood) of a result. Rows of two runs
+//! are matched by their number.
 //!
 //! The likelihood assumes that innovations are independent. So the rows of a sensor are thinned until their neighbours
-//! are white. If they are then too few, nothing is tuned. A parameter with a 1σ of its logarithm above one is not
-//! identifiable by the log, and keeps its declared value. The result is judged on parts of the log that it was not
-//! found on.
+//! are white. If they are then too few, nothing is tuned. The result is judged on parts of the log that it was not found
+//! on.
+//!
+//! A parameter with a 1σ of its logarithm above one is not identifiable by the log. Its declared value is a prior, and
+//! its uncertainty widens the intervals of the others. It keeps its declared value, unless the log refutes this value.
 //!
 //! Source     Gupta, Mehra 1974 (IEEE TAC 19(6), 774): maximum likelihood by Fisher scoring over the innovations
 //! Not here   drift in outages, and errors against a reference: the runs of the result show them
 
-mod density;
-mod fisher;
+mod climb;
 mod parameter;
 mod record;
+mod sensitivity;
+mod trials;
 mod white;
 
 pub use parameter::Parameter;
 pub use white::Independence;
 
-use self::density::Density;
-use self::fisher::Point;
+use self::climb::{Point, Start, climb};
+use self::trials::{Part, Score, Trials};
+use crate::likelihood::{densities, difference};
 use fusion::config::{Diagnostic, Diagnostics, Document, Edit};
-use fusion::design::{Design, Named, SensorDesign};
+use fusion::design::Design;
 use fusion::run::Options;
-use std::sync::atomic::{AtomicU64, Ordering};
+use fusion_core::consistency::chi_square_quantile;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// A recorded log, or a simulated world, with its design.
 #[derive(Debug)]
 pub struct Log {
     /// The design, with its variants and values.
     pub document: Document,
-    /// Where its data are.
+    /// Where its data are. With `kept`, all runs share the rows that the first one decodes.
     pub options: Options,
 }
 
@@ -54,6 +59,11 @@ pub struct Settings {
     pub most_runs: u64,
     /// Innovations are called dependent at this probability of doing so wrongly, for each sensor.
     pub false_refusal: f64,
+    /// The 1σ of the logarithm of each declared value, by its data sheet: the declared values are a prior. Without it, a
+    /// wide prior applies to the parameters that the log does not identify, and to no other.
+    pub prior: Option<f64>,
+    /// When it becomes true, the search ends with the best that it has found.
+    pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Default for Settings {
@@ -61,8 +71,10 @@ impl Default for Settings {
         Self {
             settle: 0.0,
             folds: 4,
-            most_runs: 400,
+            most_runs: 1000,
             false_refusal: 1e-3,
+            prior: None,
+            stop: None,
         }
     }
 }
@@ -72,10 +84,13 @@ impl Default for Settings {
 pub struct Found {
     /// The parameter.
     pub parameter: Parameter,
-    /// Its value over the declared value; 1 if it is not identifiable.
+    /// Its value over the declared value; 1 if it keeps that.
     pub factor: f64,
     /// The 1σ of the logarithm of the factor.
     pub sigma: f64,
+    /// Whether the log contradicts the declared value of a parameter that is not identifiable: it is likely too large, or
+    /// too small, but no value is much better than others.
+    pub is_refuted: bool,
 }
 
 impl Found {
@@ -88,26 +103,29 @@ impl Found {
     /// The 95 % interval of the factor.
     #[must_use]
     pub fn interval(&self) -> (f64, f64) {
-        let width = (NORMAL_95 * self.sigma).exp();
+        let width = (STUDENT_95 * self.sigma).exp();
         (self.factor / width, self.factor * width)
     }
 
-    /// The edit of the design, with as many digits as its σ supports; `None` if it is not identifiable.
+    /// The edit of the design, with as many digits as its σ supports; `None` if it keeps its declared value.
     #[must_use]
     pub fn edit(&self) -> Option<Edit> {
-        self.is_identifiable().then(|| self.parameter.times(self.factor, Some(3)))
+        let is_new = self.factor != 1.0;
+        (is_new && (self.is_identifiable() || self.is_refuted)).then(|| self.parameter.times(self.factor, Some(3)))
     }
 }
 
-/// The quantile of the normal distribution for 95 % around the mean.
-const NORMAL_95: f64 = 1.959_964;
+/// The quantile of Student's distribution for 95 % around the mean: σ comes from 20 blocks of time.
+const STUDENT_95: f64 = 2.093;
 
 /// The result of a tuning.
 #[derive(Clone, Debug)]
 pub struct Tuned {
     /// The parameters, in their order.
     pub found: Vec<Found>,
-    /// The gain of the likelihood over the declared design, on the rows that it was found on.
+    /// ln L of the result, of the rows that it was found on.
+    pub log_likelihood: f64,
+    /// Its gain over the declared design.
     pub nats: f64,
     /// The gain on each part of the logs, with what the other parts give.
     pub unseen: Vec<f64>,
@@ -162,7 +180,7 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
     let runs = AtomicU64::new(0);
     let mut trials = Trials {
         logs,
-        parameters: parameters.clone(),
+        parameters,
         densities: densities(&design),
         thinning: vec![Vec::new(); logs.len()],
         settings,
@@ -171,32 +189,32 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
     let End {
         point,
         mut independence,
-        unknown,
+        sigmas,
+        refuted,
+        unseen,
     } = search(&mut trials, &design, progress)?;
-    let (nats, unseen) = gains(&trials, &point)?;
-    let known: Vec<(&Parameter, (f64, f64))> = trials
-        .parameters
-        .iter()
-        .zip(point.theta.iter().copied().zip(point.sigmas()))
-        .collect();
-    let found = parameters.iter().map(|parameter| {
-        let known = known.iter().find(|(p, _)| *p == parameter).map(|(_, known)| *known);
-        let lost = unknown.iter().find(|(p, _)| p == parameter);
-        let (theta, sigma) = known.unwrap_or((0.0, lost.map_or(f64::INFINITY, |(_, sigma)| *sigma)));
-        Found {
-            parameter: parameter.clone(),
-            factor: if sigma <= 1.0 { theta.exp() } else { 1.0 },
-            sigma,
-        }
+    let declared = trials.at(&vec![0.0; point.theta.len()])?;
+    let nats = trials.gain(&declared, &point.score, &all_rows);
+    let of_part = |(part, score): &(Part, Score)| trials.gain(&declared, score, &|log, time| part.holds(log, time));
+    let unseen: Vec<f64> = unseen.iter().map(of_part).collect();
+    let log_likelihood = trials.log_likelihood(&point.score, &all_rows);
+    let found = trials.parameters.iter().enumerate().map(|(j, parameter)| Found {
+        parameter: parameter.clone(),
+        factor: point.theta[j].exp(),
+        sigma: sigmas[j],
+        is_refuted: refuted.contains(&j),
     });
     let found: Vec<Found> = found.collect();
-    trials.thinning = vec![Vec::new(); logs.len()];
-    let whole = Point::of(point.theta.clone(), trials.at(&point.theta)?);
-    for (own, whole) in independence.iter_mut().zip(white::judge(&design, &trials, &whole)) {
-        own.overweighted = whole.overweighted;
+    if trials.is_thinned() {
+        trials.thinning = vec![Vec::new(); logs.len()];
+        let whole = trials.at(&point.theta)?;
+        for (own, whole) in independence.iter_mut().zip(white::judge(&design, &trials, &whole)) {
+            own.overweighted = whole.overweighted;
+        }
     }
     Ok(Tuned {
         found,
+        log_likelihood,
         nats,
         unseen,
         runs: runs.load(Ordering::Relaxed),
@@ -205,24 +223,34 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
     })
 }
 
+/// The 1σ of the logarithm of a parameter before the log is seen: a factor of e³ = 20 either way.
+const PRIOR: f64 = 3.0;
+/// A variance v has the 1σ 2σv, if σ is the 1σ of the logarithm of its root. Above this σ, 0 lies within 1.96 of them.
+const DOUBT: f64 = 0.255;
+/// A declared value is refuted if keeping it costs a likelihood that chance alone costs with this probability.
+const CHANCE: f64 = 0.05;
+
 /// The end of a search.
 struct End {
     point: Point,
     independence: Vec<Independence>,
-    /// The parameters that are not identifiable, with the 1σ of their logarithm.
-    unknown: Vec<(Parameter, f64)>,
+    /// The 1σ of the logarithm of each parameter.
+    sigmas: Vec<f64>,
+    /// The parameters that are not identifiable, and do not keep their declared value.
+    refuted: Vec<usize>,
+    /// Each part of the logs, with the innovations that the noises of the other parts give.
+    unseen: Vec<(Part, Score)>,
 }
 
-/// Finds the maximum with rows so thin that innovations are white, over the parameters that are then identifiable.
+/// Finds the maximum with rows so thin that innovations are white, and that fewer rows give the same noises.
 fn search(trials: &mut Trials<'_>, design: &Design, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<End, Diagnostics> {
-    let mut unknown: Vec<(Parameter, f64)> = Vec::new();
-    let mut theta = vec![0.0; trials.parameters.len()];
+    let mut theta = vec![nearest(trials)?; trials.parameters.len()];
     let mut has_returned = false;
-    loop {
-        let point = fisher::climb(trials, theta.clone(), progress)?;
-        let independence = white::judge(design, trials, &point);
-        theta.clone_from(&point.theta);
-        if white::thin(trials, design, &independence, &point)? {
+    let mut point = loop {
+        let point = highest(trials, theta, progress)?;
+        let independence = white::judge(design, trials, &point.score);
+        theta = point.theta.clone();
+        if white::thin(trials, design, &independence, &point.score)? {
             continue;
         }
         // From far off, innovations may have been dependent only because of the start.
@@ -231,74 +259,170 @@ fn search(trials: &mut Trials<'_>, design: &Design, progress: &(dyn Fn(u64, f64)
             trials.thinning = vec![Vec::new(); trials.logs.len()];
             continue;
         }
-        // A parameter that is not identifiable has its declared value. The others are found anew with that value.
-        let sigma = point.sigmas();
-        let is_known = |j: &usize| sigma[*j] <= 1.0;
-        let known: Vec<usize> = (0..theta.len()).filter(is_known).collect();
-        if known.len() == theta.len() || known.is_empty() {
-            return Ok(End {
-                point,
-                independence,
-                unknown,
-            });
-        }
-        let lost = (0..theta.len()).filter(|j| !is_known(j));
-        unknown.extend(lost.map(|j| (trials.parameters[j].clone(), sigma[j])));
-        trials.parameters = known.iter().map(|j| trials.parameters[*j].clone()).collect();
-        theta = known.iter().map(|j| theta[*j]).collect();
-    }
-}
-
-/// The gain over the declared values on all rows, and on each part with what the other parts give.
-fn gains(trials: &Trials<'_>, point: &Point) -> Result<(f64, Vec<f64>), Diagnostics> {
-    let base = trials.at(&vec![0.0; point.theta.len()])?;
-    let all = trials.gain(&base, &point.score, &|_, _| true);
-    let each = trials.parts(&base).into_iter().map(|part| {
-        let other = trials.at(&point.without(&part))?;
-        Ok(trials.gain(&base, &other, &|log, time| part.holds(log, time)))
-    });
-    Ok((all, each.collect::<Result<_, Diagnostics>>()?))
-}
-
-/// The densities of the sensors of a design, in their order; `None` for a sensor that is not judged.
-fn densities(design: &Design) -> Vec<Option<Density>> {
-    let of = |sensor: &Named<SensorDesign>| {
-        let rows = sensor.block.model.noise().len();
-        parameter::is_real(design, sensor).then(|| match (&sensor.block.gate, &sensor.block.loss) {
-            (None, None) => Density::Normal,
-            _ => Density::with_outliers(rows),
-        })
+        break point;
     };
-    design.sensors.iter().map(of).collect()
+    loop {
+        let before = trials.thinning.clone();
+        if trials.is_at_its_end() || !white::thin_all(trials, design, &point.score) {
+            break;
+        }
+        let other = highest(trials, point.theta.clone(), progress)?;
+        if agree(&point, &other, trials.settings.false_refusal) {
+            trials.thinning = before;
+            break;
+        }
+        point = other;
+    }
+    keep(trials, design, point, progress)
 }
 
-/// A part of a log in time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Part {
-    log: usize,
-    from: f64,
-    to: f64,
+/// The maximum near `theta`, with a prior for the parameters that need one.
+fn highest(trials: &Trials<'_>, theta: Vec<f64>, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<Point, Diagnostics> {
+    let d = trials.parameters.len();
+    let weight = trials.settings.prior.unwrap_or(PRIOR).powi(-2);
+    let start = Start {
+        theta,
+        free: (0..d).collect(),
+        prior: vec![weight; d],
+        known: None,
+    };
+    let point = climb(trials, start, progress)?;
+    if trials.settings.prior.is_some() {
+        return Ok(point);
+    }
+    // The wide prior only serves parameters that the log does not identify.
+    let sigmas = point.sigmas().into_iter();
+    let prior: Vec<f64> = sigmas.map(|sigma| if sigma > 1.0 { weight } else { 0.0 }).collect();
+    climb(trials, point.again((0..d).collect(), prior), progress)
 }
 
-impl Part {
-    fn holds(&self, log: usize, time: f64) -> bool {
-        log == self.log && (self.from..self.to).contains(&time)
+/// Whether the noises that half of the rows give are those of all rows, up to chance. If an error of a sensor lasts, its
+/// innovations may be white, because the estimate follows the error. Over a longer time it shows, and the noise that is
+/// found grows with the time between rows.
+///
+/// Source     Hausman 1978 (Econometrica 46, 1251): σ² of the difference is that of the half less that of the whole
+fn agree(all: &Point, half: &Point, probability: f64) -> bool {
+    let each = all.theta.iter().zip(all.sigmas()).zip(half.theta.iter().zip(half.sigmas()));
+    let known: Vec<f64> = each
+        .filter(|((_, sigma), (_, sigma_half))| *sigma <= DOUBT && *sigma_half <= DOUBT)
+        // Blocks of time determine a variance to a third. Half of the rows have twice the variance of all.
+        .map(|((theta, sigma), (half, sigma_half))| {
+            let variance = sigma_half * sigma_half;
+            (half - theta).powi(2) / (variance - sigma * sigma).max(0.5 * variance)
+        })
+        .collect();
+    let limit = chi_square_quantile(1.0 - probability / known.len().max(1) as f64, 1.0);
+    known.iter().all(|square| *square <= limit)
+}
+
+/// The common factor of all noises, in steps of three, that explains the innovations best. If all noises are far too
+/// small, gates reject good rows, and slopes lead nowhere.
+fn nearest(trials: &Trials<'_>) -> Result<f64, Diagnostics> {
+    const STEP: f64 = 1.1;
+    let at = |common: f64| trials.at(&vec![common; trials.parameters.len()]);
+    let (declared, below, above) = (at(0.0)?, at(-STEP)?, at(STEP)?);
+    let (down, up) = (trials.gain(&declared, &below, &all_rows), trials.gain(&declared, &above, &all_rows));
+    if down <= 0.0 && up <= 0.0 {
+        return Ok(0.0);
+    }
+    let (mut best, mut score, step) = if up > down { (STEP, above, STEP) } else { (-STEP, below, -STEP) };
+    loop {
+        let next = at(best + step)?;
+        if trials.gain(&score, &next, &all_rows) <= 0.0 || trials.is_at_its_end() {
+            return Ok(best);
+        }
+        (best, score) = (best + step, next);
     }
 }
 
-/// Runs of the logs with other values.
-struct Trials<'a> {
-    logs: &'a [Log],
-    parameters: Vec<Parameter>,
-    densities: Vec<Option<Density>>,
-    /// For each log: the streams of which one row in so many is used.
-    thinning: Vec<Vec<white::Thinned>>,
-    settings: &'a Settings,
-    runs: &'a AtomicU64,
+fn all_rows(_: usize, _: f64) -> bool {
+    true
 }
 
-impl Trials<'_> {
-    fn is_thinned(&self) -> bool {
-        self.thinning.iter().any(|log| !log.is_empty())
+/// Gives parameters that are not identifiable their declared value, and finds the others anew. If that costs more
+/// likelihood than chance does, the parameter that is farthest from its declared value does not keep it.
+fn keep(trials: &Trials<'_>, design: &Design, mut point: Point, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<End, Diagnostics> {
+    let d = trials.parameters.len();
+    let mut sigmas = point.sigmas();
+    for (j, sigma) in sigmas.iter_mut().enumerate() {
+        if *sigma > DOUBT && *sigma <= 1.0 && !is_needed(trials, &point, j, progress)? {
+            *sigma = f64::INFINITY;
+        }
     }
+    let best = trials.log_likelihood(&point.score, &all_rows);
+    let mut refuted = Vec::new();
+    loop {
+        let kept: Vec<usize> = (0..d).filter(|j| sigmas[*j] > 1.0 && !refuted.contains(j)).collect();
+        if kept.is_empty() {
+            break;
+        }
+        let pinned: Vec<(usize, f64)> = kept.iter().map(|j| (*j, 0.0)).collect();
+        let other = climb(trials, point.pinned(&pinned), progress)?;
+        let cost = best - trials.log_likelihood(&other.score, &all_rows);
+        if cost <= 0.5 * chi_square_quantile(1.0 - CHANCE, kept.len() as f64) {
+            point = other;
+            break;
+        }
+        let far = |j: &usize| point.theta[*j].abs();
+        refuted.extend(kept.iter().copied().max_by(|a, b| far(a).total_cmp(&far(b))));
+    }
+    let (point, unseen) = simplest(trials, point, &sigmas, progress)?;
+    Ok(End {
+        independence: white::judge(design, trials, &point.score),
+        point,
+        sigmas,
+        refuted,
+        unseen,
+    })
+}
+
+/// The innovations of each part with the noises that the other parts give.
+fn unseen(trials: &Trials<'_>, point: &Point) -> Result<Vec<(Part, Score)>, Diagnostics> {
+    let parts = point.score.parts(trials.settings.folds).into_iter();
+    parts.map(|part| Ok((part, trials.at(&point.without(&part))?))).collect()
+}
+
+/// Gives a noise its declared value back, unless the value that was found gains more likelihood on unseen parts than the
+/// 1σ of this gain, by blocks of time.
+///
+/// Source     Breiman, Friedman, Olshen, Stone 1984, §3.4.3: of models within one standard error, the simplest
+fn simplest(
+    trials: &Trials<'_>,
+    mut point: Point,
+    sigmas: &[f64],
+    progress: &(dyn Fn(u64, f64) + Sync),
+) -> Result<(Point, Vec<(Part, Score)>), Diagnostics> {
+    /// So many 1σ from its declared value a noise gains 50 nats, on any part.
+    const CLEAR: f64 = 10.0;
+    let mut best = unseen(trials, &point)?;
+    let far = |j: &usize| (point.theta[*j] / sigmas[*j]).abs();
+    let mut doubtful: Vec<usize> = point
+        .free()
+        .iter()
+        .copied()
+        .filter(|j| sigmas[*j] <= 1.0 && far(j) < CLEAR)
+        .collect();
+    doubtful.sort_by(|a, b| far(a).total_cmp(&far(b)));
+    for j in doubtful {
+        let other = climb(trials, point.pinned(&[(j, 0.0)]), progress)?;
+        let theirs = unseen(trials, &other)?;
+        let pairs = theirs.iter().zip(&best);
+        let mut rows: Vec<(f64, f64)> = pairs
+            .flat_map(|((part, declared), (_, found))| trials.gains(declared, found, &|log, time| part.holds(log, time)))
+            .collect();
+        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let gain = difference(None, &rows);
+        if gain.nats <= if gain.sigma.is_nan() { 0.0 } else { gain.sigma } {
+            (point, best) = (other, theirs);
+        }
+    }
+    Ok((point, best))
+}
+
+/// Whether the log refutes that a noise is absent: a twentieth of it, with the others found anew, costs more likelihood
+/// than chance does. The information at a maximum does not say this of a noise that is small.
+fn is_needed(trials: &Trials<'_>, point: &Point, j: usize, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<bool, Diagnostics> {
+    let without = climb(trials, point.pinned(&[(j, point.theta[j] - PRIOR)]), progress)?;
+    let cost = trials.log_likelihood(&point.score, &all_rows) - trials.log_likelihood(&without.score, &all_rows);
+    Ok(cost > 0.5 * chi_square_quantile(1.0 - CHANCE, 1.0))
 }

@@ -1,12 +1,12 @@
 //! The parameters: numbers of a design, each multiplied by a factor.
 
+use crate::likelihood::is_real;
 use fusion::config::{Diagnostic, Document, Edit, Node, Value};
-use fusion::design::{Design, Named, SensorDesign};
-use fusion_models::block::Reading;
+use fusion::design::Design;
 
 /// Whether a key names a noise that may be tuned: `noise`, `gyro_noise` and the like among them.
 fn is_noise(key: &str) -> bool {
-    key.ends_with("noise") || ["random_walk", "correlation_time", "vibration"].contains(&key)
+    key.ends_with("noise") || ["random_walk", "walk", "correlation_time", "vibration"].contains(&key)
 }
 
 /// A parameter: numbers of the design that have one common factor.
@@ -84,13 +84,6 @@ impl Parameter {
         let all = all(&design.document).into_iter();
         all.filter(|p| p.path.ends_with("noise") && measures(&p.path)).collect()
     }
-}
-
-/// Whether a sensor has an instrument: its value comes with rows, and not from a stage, which holds them back and
-/// repeats them. The value of a constraint is constant.
-pub(super) fn is_real(design: &Design, sensor: &Named<SensorDesign>) -> bool {
-    let is_of_stage = design.stages.iter().any(|stage| stage.name == sensor.block.common.source);
-    !is_of_stage && !matches!(sensor.block.model.reading(), Reading::Constant(_))
 }
 
 /// All noises that a design declares for its process and its sensors.

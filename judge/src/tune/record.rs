@@ -1,6 +1,8 @@
 //! The innovations of a run, row by row.
 
-use super::density::Density;
+use crate::likelihood::Density;
+use fusion::config::Node;
+use fusion::design::Design;
 use fusion::observe::{RunEvent, RunObserver};
 use fusion_core::runner::{Event, Halt};
 
@@ -23,6 +25,11 @@ impl Rows {
         self.numbers.len()
     }
 
+    /// The place of the measurement with a number.
+    pub(super) fn at(&self, number: u32) -> Option<usize> {
+        self.numbers.binary_search(&number).ok()
+    }
+
     /// r and L of row `k`.
     pub(super) fn innovation(&self, k: usize) -> (&[f64], &[f64]) {
         let size = self.m + self.m * self.m;
@@ -31,20 +38,49 @@ impl Rows {
 }
 
 /// Keeps the innovations of the sensors that are judged, those that a gate rejected too.
+///
+/// Rows of a vehicle at rest do not count. A receiver that holds its output at rest is a better instrument than the same
+/// receiver in motion, and one noise cannot describe both.
 #[derive(Debug)]
 pub(super) struct Recorder {
     pub(super) sensors: Vec<Option<Rows>>,
+    /// Whether a sensor has its rows from a stage that finds rest.
+    rests: Vec<bool>,
+    /// When a stage last found rest \[s\], and the shortest time between two of its rows; infinite after one row.
+    rest: Option<(f64, f64)>,
 }
 
 impl Recorder {
     /// For the sensors of the design's own filter, by their densities.
-    pub(super) fn new(densities: &[Option<Density>]) -> Self {
-        let sensors = densities.iter().map(|d| d.is_some().then(Rows::default));
+    pub(super) fn new(design: &Design, densities: &[Option<Density>]) -> Self {
+        let is_rest = |source: &String| {
+            let stage = design.stages.iter().find(|stage| stage.name == *source);
+            stage.is_some_and(|stage| stage.node.get("type").and_then(Node::as_str) == Some(REST))
+        };
         Self {
-            sensors: sensors.collect(),
+            sensors: densities.iter().map(|d| d.is_some().then(Rows::default)).collect(),
+            rests: design.sensors.iter().map(|s| is_rest(&s.block.common.source)).collect(),
+            rest: None,
         }
     }
+
+    fn hear_rest(&mut self, time: f64) {
+        self.rest = Some(match self.rest {
+            None => (time, f64::INFINITY),
+            Some((last, shortest)) if time > last => (time, shortest.min(time - last)),
+            Some(same) => same,
+        });
+    }
+
+    /// Whether the stage has found rest no longer ago than it takes to find it again.
+    fn is_at_rest(&self, time: f64) -> bool {
+        self.rest
+            .is_some_and(|(last, shortest)| shortest.is_finite() && time - last <= shortest)
+    }
 }
+
+/// The type of the stage that finds rest.
+const REST: &str = "stationarity";
 
 impl RunObserver for Recorder {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
@@ -55,10 +91,20 @@ impl RunObserver for Recorder {
         else {
             return Ok(());
         };
-        let Some(Some(rows)) = self.sensors.get_mut(*sensor).filter(|_| filter.is_outermost()) else {
+        if !filter.is_outermost() {
+            return Ok(());
+        }
+        if self.rests[*sensor] {
+            self.hear_rest(time.seconds());
+        }
+        let is_at_rest = self.is_at_rest(time.seconds());
+        let Some(Some(rows)) = self.sensors.get_mut(*sensor) else {
             return Ok(());
         };
         rows.heard += 1;
+        if is_at_rest {
+            return Ok(());
+        }
         let (r, l) = (update.residual, update.innovation_factor);
         if l.is_empty() || !r.iter().chain(l).all(|v| v.is_finite()) {
             return Ok(());

@@ -1,9 +1,8 @@
 //! Whether innovations are independent, and the thinning of rows that makes them so.
 
-use super::Trials;
-use super::density::whitened;
-use super::fisher::Point;
 use super::record::Rows;
+use super::trials::{Score, Trials};
+use crate::likelihood::{BLOCKS, Density, block, whitened};
 use fusion::config::{Diagnostic, Diagnostics, Edit};
 use fusion::design::Design;
 use fusion_core::consistency::{chi_square_quantile, chi_square_tail};
@@ -33,6 +32,9 @@ pub struct Independence {
     /// times the sum of their autocorrelations. Up to 1, the noise covers a correlation, and the rows may be correlated.
     /// Far above 1, an error lasts that has no state.
     pub overweighted: f64,
+    /// How much larger σ is than on average, in one of twenty parts of a log such as this one; 1 if nothing refutes that
+    /// σ is constant. No refusal follows from it: one noise cannot describe such a sensor.
+    pub varies: f64,
     /// Whether nothing refutes that the rows are used as what they are.
     pub is_white: bool,
 }
@@ -79,15 +81,15 @@ fn table(design: &Design, sensor: usize) -> String {
 }
 
 /// The independence of each sensor with rows.
-pub(super) fn judge(design: &Design, trials: &Trials<'_>, point: &Point) -> Vec<Independence> {
+pub(super) fn judge(design: &Design, trials: &Trials<'_>, score: &Score) -> Vec<Independence> {
     let of = |sensor: usize| {
-        let gated = trials.densities[sensor]? != super::Density::Normal;
-        let logs = point
-            .score
+        let gated = trials.densities[sensor]? != Density::Normal;
+        let logs = score
             .logs
             .iter()
             .filter_map(|(sensors, from)| Some((sensors[sensor].as_ref()?, *from)));
-        let all: Vec<Vec<Vec<f64>>> = logs.map(|(rows, from)| counted(rows, from)).collect();
+        let logs: Vec<(&Rows, f64)> = logs.collect();
+        let all: Vec<Vec<Vec<f64>>> = logs.iter().map(|(rows, from)| counted(rows, *from)).collect();
         let rows: usize = all.iter().map(Vec::len).sum();
         let m = all.iter().flatten().next()?.len();
         let limit = if gated {
@@ -97,6 +99,8 @@ pub(super) fn judge(design: &Design, trials: &Trials<'_>, point: &Point) -> Vec<
         };
         let whiteness = ljung_box(&all, limit.sqrt());
         let distribution = kolmogorov(all.iter().flatten().map(|w| w.iter().map(|w| w * w).sum()), m, limit);
+        let blocks = logs.iter().flat_map(|(rows, from)| squares(rows, *from, limit)).collect::<Vec<_>>();
+        let varies = variation(&blocks, m, trials.settings.false_refusal);
         let overweighted = all.iter().map(|log| overweight(log)).fold(0.0, f64::max);
         let stream = table(design, sensor);
         let thinned = trials.thinning.iter().flatten().find(|t| t.table == stream);
@@ -108,6 +112,7 @@ pub(super) fn judge(design: &Design, trials: &Trials<'_>, point: &Point) -> Vec<
             whiteness,
             distribution,
             overweighted,
+            varies,
             is_white: (whiteness > limit || overweighted <= 1.0) && distribution > limit,
         })
     };
@@ -123,6 +128,43 @@ fn counted(rows: &Rows, from: f64) -> Vec<Vec<f64>> {
             whitened(r, l)
         })
         .collect()
+}
+
+/// Rows and sum of the NIS that count, for each of the blocks of time of a log. Larger values than `limit` count as it.
+fn squares(rows: &Rows, from: f64, limit: f64) -> [(f64, f64); BLOCKS] {
+    let span = (from, rows.times.last().map_or(from, |last| last.max(from)));
+    let mut blocks = [(0.0, 0.0); BLOCKS];
+    for k in (0..rows.len()).filter(|k| rows.times[*k] >= from) {
+        let (r, l) = rows.innovation(k);
+        let square: f64 = whitened(r, l).iter().map(|w| w * w).sum();
+        let own = &mut blocks[block(span, rows.times[k])];
+        *own = (own.0 + 1.0, own.1 + square.min(limit));
+    }
+    blocks
+}
+
+/// The factor that σ exceeds in one block of twenty, from rows and sum of the NIS of each; 1 if the means of the blocks
+/// do not differ more than chance allows.
+///
+/// ```text
+/// q_b = mean of block / mean of all;  Σ m n_b (q_b − 1)² / 2 ~ χ²(B − 1);  ln q_b = ln of its σ² + chance of 2/(m n_b)
+/// ```
+fn variation(blocks: &[(f64, f64)], m: usize, probability: f64) -> f64 {
+    /// One in twenty is above 1.645σ of a normal distribution.
+    const ABOVE: f64 = 1.645;
+    let filled: Vec<(f64, f64)> = blocks.iter().copied().filter(|(rows, sum)| *rows > 0.0 && *sum > 0.0).collect();
+    let (rows, sum) = filled.iter().fold((0.0, 0.0), |all, own| (all.0 + own.0, all.1 + own.1));
+    let weights = filled.iter().map(|(rows, _)| 0.5 * m as f64 * rows);
+    let ratios: Vec<f64> = filled.iter().map(|(n, own)| own / n / (sum / rows)).collect();
+    let chance: f64 = weights.clone().zip(&ratios).map(|(weight, q)| weight * (q - 1.0).powi(2)).sum();
+    let count = filled.len() as f64;
+    if count < 2.0 || chi_square_tail(chance, count - 1.0) > probability {
+        return 1.0;
+    }
+    let mean = ratios.iter().map(|q| q.ln()).sum::<f64>() / count;
+    let variance = ratios.iter().map(|q| (q.ln() - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let by_chance = weights.map(|weight| 1.0 / weight).sum::<f64>() / count;
+    (0.5 * ABOVE * (variance - by_chance).max(0.0).sqrt()).exp()
 }
 
 /// The probability of autocorrelations as large as these. Larger values than `limit` count as `limit`.
@@ -171,37 +213,48 @@ fn kolmogorov(squares: impl Iterator<Item = f64>, m: usize, limit: f64) -> f64 {
 
 /// Thins the streams of sensors that are not white to one row in twice as many. Returns false if all are white, or if
 /// too few rows would be left.
-pub(super) fn thin(trials: &mut Trials<'_>, design: &Design, found: &[Independence], point: &Point) -> Result<bool, Diagnostics> {
+pub(super) fn thin(trials: &mut Trials<'_>, design: &Design, found: &[Independence], score: &Score) -> Result<bool, Diagnostics> {
     if found.is_empty() {
         let help = "the filter has to start, and to use a sensor that reads the rows of an instrument, not those of a stage";
         return Err(Diagnostic::error("no innovation counts").help(help).into());
     }
-    let mut has_thinned = false;
     let is_dependent = |own: &&Independence| own.whiteness <= trials.settings.false_refusal && own.overweighted > 1.0;
     let dependent: Vec<&Independence> = found.iter().filter(is_dependent).filter(|own| own.rows >= 2 * FEWEST).collect();
-    for own in dependent {
-        let Some(sensor) = design.sensors.iter().position(|s| s.name == own.sensor) else {
-            continue;
-        };
-        let stream = table(design, sensor);
+    let sensors: Vec<usize> = dependent
+        .iter()
+        .filter_map(|own| design.sensors.iter().position(|s| s.name == own.sensor))
+        .collect();
+    Ok(thin_sensors(trials, design, &sensors, score))
+}
+
+/// Thins the streams of all sensors with enough rows. Returns false if no sensor has.
+pub(super) fn thin_all(trials: &mut Trials<'_>, design: &Design, score: &Score) -> bool {
+    let rows = |sensor: usize| {
+        let each = score.logs.iter().filter_map(|(sensors, _)| sensors[sensor].as_ref());
+        each.map(Rows::len).sum::<usize>()
+    };
+    let sensors: Vec<usize> = (0..design.sensors.len()).filter(|sensor| rows(*sensor) >= 2 * FEWEST).collect();
+    thin_sensors(trials, design, &sensors, score)
+}
+
+fn thin_sensors(trials: &mut Trials<'_>, design: &Design, sensors: &[usize], score: &Score) -> bool {
+    // Two sensors of one stream thin it once.
+    let mut streams: Vec<(String, usize)> = sensors.iter().map(|sensor| (table(design, *sensor), *sensor)).collect();
+    streams.sort();
+    streams.dedup_by(|a, b| a.0 == b.0);
+    let mut has_thinned = false;
+    for (stream, sensor) in streams {
         for (log, thinning) in trials.thinning.iter_mut().enumerate() {
-            let Some(rows) = point.score.logs[log].0[sensor].as_ref().filter(|rows| rows.len() > 1) else {
-                continue;
-            };
             if let Some(before) = thinning.iter_mut().find(|t| t.table == stream) {
-                // Two sensors of one stream thin it once.
-                if before.one_in == own.one_in {
-                    before.one_in *= 2;
-                    has_thinned = true;
-                }
+                before.one_in *= 2;
+                has_thinned = true;
                 continue;
             }
-            let mut gaps: Vec<f64> = rows
-                .times
-                .windows(2)
-                .map(|pair| pair[1] - pair[0])
-                .filter(|gap| *gap > 0.0)
-                .collect();
+            let Some(rows) = score.logs[log].0[sensor].as_ref().filter(|rows| rows.len() > 1) else {
+                continue;
+            };
+            let gaps = rows.times.windows(2).map(|pair| pair[1] - pair[0]);
+            let mut gaps: Vec<f64> = gaps.filter(|gap| *gap > 0.0).collect();
             gaps.sort_by(f64::total_cmp);
             let Some(interval) = gaps.get(gaps.len() / 2).copied() else {
                 continue;
@@ -215,7 +268,7 @@ pub(super) fn thin(trials: &mut Trials<'_>, design: &Design, found: &[Independen
             has_thinned = true;
         }
     }
-    Ok(has_thinned)
+    has_thinned
 }
 
 #[cfg(test)]
@@ -245,6 +298,20 @@ mod tests {
         assert!((1..=19).contains(&low), "{p:?}");
         assert!(p.iter().all(|p| *p > 1e-4), "{p:?}");
         assert!(ljung_box(&[series(400, 0.5, 3)], f64::INFINITY) < 1e-6);
+    }
+
+    #[test]
+    fn a_noise_that_changes_in_time_is_told_from_a_constant_one() {
+        let blocks = |spread: f64, seed: u64| {
+            let rows = series(2000, 0.0, seed);
+            let sigma = |b: usize| (spread * (if b.is_multiple_of(2) { 1.0 } else { -1.0 })).exp();
+            let of = |(b, rows): (usize, &[Vec<f64>])| (100.0, rows.iter().map(|w| (sigma(b) * w[0]).powi(2)).sum());
+            rows.chunks(100).enumerate().map(of).collect::<Vec<(f64, f64)>>()
+        };
+        assert!((1..20).all(|seed| variation(&blocks(0.0, seed), 1, 1e-3) == 1.0));
+        // ln σ is ±0.5, with the deviation 0.5 √(20/19); 5 % of 2000 rows determine it to a tenth.
+        let found = variation(&blocks(0.5, 1), 1, 1e-3).ln();
+        assert!((found / (1.645 * 0.513) - 1.0).abs() < 0.1, "{found}");
     }
 
     #[test]

@@ -27,18 +27,26 @@ pub use recording::{Frame, Recording};
 
 use fusion::config::Diagnostics;
 use fusion::design::Design;
+use fusion::observe::RunObserver;
 use fusion::run::{Finished, Options, Progress, Run as OpenRun};
 
-/// Runs `design` as [`run`](fusion::run::run) does, and records what a report draws. Its files have
-/// no names yet.
+/// Runs `design` as [`run`](fusion::run::run) does, with the observers `further`, and records what a report draws. Its
+/// files have no names yet.
 ///
 /// # Errors
-/// As [`run`](fusion::run::run).
-pub fn record(design: &Design, options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<(Finished, Recording), Diagnostics> {
+/// As [`run`](fusion::run::run), and the first error of an observer.
+pub fn record(
+    design: &Design,
+    options: &Options,
+    further: &mut [&mut dyn RunObserver],
+    progress: &mut dyn FnMut(Progress),
+) -> Result<(Finished, Recording), Diagnostics> {
     let run = OpenRun::open(design, options)?;
     let mut recording = Recording::of(design, run.assembly());
     let mut smoothed = recording.beside();
-    let finished = run.go_and_smooth(&mut [&mut recording], &mut [&mut smoothed], progress)?;
+    let mut observers: Vec<&mut dyn RunObserver> = vec![&mut recording];
+    further.iter_mut().for_each(|observer| observers.push(&mut **observer));
+    let finished = run.go_and_smooth(&mut observers, &mut [&mut smoothed], progress)?;
     recording.smoothed = Some(Box::new(smoothed)).filter(|smoothed| smoothed.span().is_some());
     Ok((finished, recording))
 }

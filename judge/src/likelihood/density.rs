@@ -9,6 +9,8 @@
 //!          the rows are outliers of 50σ; this one finds 1.1 times
 
 use fusion_core::consistency::chi_square_quantile;
+use fusion_core::filter::Update;
+use std::sync::OnceLock;
 
 /// The share of outliers that a gated sensor is believed to have, as Tukey's example has it.
 const SHARE: f64 = 0.05;
@@ -17,7 +19,7 @@ const WIDE: f64 = 5.0;
 
 /// The density of the innovations of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Density {
+pub(crate) enum Density {
     Normal,
     /// A mixture with outliers, and the scale c of S.
     WithOutliers {
@@ -27,37 +29,42 @@ pub(super) enum Density {
 
 impl Density {
     /// The mixture for `m` rows.
-    pub(super) fn with_outliers(m: usize) -> Self {
-        // The slope of the mean of ln p over the scale is zero at c: the mean over equally probable values of χ²(m).
-        const PARTS: usize = 2000;
-        let dof = m as f64;
-        let values: Vec<f64> = (0..PARTS)
-            .map(|k| chi_square_quantile((k as f64 + 0.5) / PARTS as f64, dof))
-            .collect();
-        let slope = |c: f64| -> f64 {
-            let each = values.iter().map(|x| {
-                let (normal, tail) = parts(m, x / c);
-                let wide = x / c / (WIDE * WIDE);
-                let of_normal = x / c - dof;
-                let of_tail = (1.0 + dof) * wide / (1.0 + wide) - dof;
-                (normal.exp() * of_normal + tail.exp() * of_tail) / (normal.exp() + tail.exp())
-            });
-            each.sum()
+    pub(crate) fn with_outliers(m: usize) -> Self {
+        // Every run asks for the scales of the same few sizes, and each takes milliseconds.
+        static SCALES: [OnceLock<f64>; 8] = [const { OnceLock::new() }; 8];
+        let scale = match SCALES.get(m) {
+            Some(known) => *known.get_or_init(|| scale(m)),
+            None => scale(m),
         };
-        let (mut low, mut high) = (0.1, 10.0);
-        // 50 halvings reach the last digit.
-        for _ in 0..50 {
-            let middle = 0.5 * (low + high);
-            if slope(middle) > 0.0 { low = middle } else { high = middle }
+        Self::WithOutliers { scale }
+    }
+
+    /// Its name for readers.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Normal => "normal",
+            Self::WithOutliers { .. } => "with outliers",
         }
-        Self::WithOutliers { scale: low }
+    }
+
+    /// ln p of the innovation of an update; `None` if S was not computed.
+    pub(crate) fn of_update(&self, update: &Update<'_>) -> Option<f64> {
+        let m = update.residual.len();
+        let diagonal = update.innovation_factor.iter().step_by(m + 1);
+        let log_det = 2.0 * diagonal.map(|l| l.ln()).sum::<f64>();
+        let log = self.log_of(m, log_det, update.nis);
+        (m > 0 && log.is_finite()).then_some(log)
     }
 
     /// ln p(r), for r and the factor L of S.
-    pub(super) fn log(&self, r: &[f64], l: &[f64]) -> f64 {
+    pub(crate) fn log(&self, r: &[f64], l: &[f64]) -> f64 {
         let m = r.len();
         let log_det: f64 = (0..m).map(|i| 2.0 * l[i * m + i].ln()).sum();
-        let square: f64 = whitened(r, l).iter().map(|w| w * w).sum();
+        self.log_of(m, log_det, whitened(r, l).iter().map(|w| w * w).sum())
+    }
+
+    /// ln p of `m` rows, for ln |S| and rᵀ S⁻¹ r.
+    fn log_of(&self, m: usize, log_det: f64, square: f64) -> f64 {
         match *self {
             Self::Normal => normal(m, square) - 0.5 * log_det,
             Self::WithOutliers { scale } => {
@@ -68,14 +75,54 @@ impl Density {
         }
     }
 
+    /// ∂ ln p / ∂(rᵀ S⁻¹ r): −½ for the normal density, and towards 0 for an outlier.
+    pub(crate) fn slope(&self, m: usize, square: f64) -> f64 {
+        match *self {
+            Self::Normal => -0.5,
+            Self::WithOutliers { scale } => {
+                let (normal, tail) = parts(m, square / scale);
+                let share = 1.0 / (1.0 + (tail - normal).exp());
+                let of_tail = (1.0 + m as f64) / (WIDE * WIDE + square / scale);
+                -0.5 * (share + (1.0 - share) * of_tail) / scale
+            }
+        }
+    }
+
     /// The part of the normal density's information that this one has.
-    pub(super) fn efficiency(&self) -> f64 {
+    pub(crate) fn efficiency(&self) -> f64 {
         match self {
             Self::Normal => 1.0,
             // The rows that may be outliers say hardly anything.
             Self::WithOutliers { .. } => 1.0 - SHARE,
         }
     }
+}
+
+/// The factor c of S for `m` rows.
+fn scale(m: usize) -> f64 {
+    // The slope of the mean of ln p over the scale is zero at c: the mean over equally probable values of χ²(m).
+    const PARTS: usize = 2000;
+    let dof = m as f64;
+    let values: Vec<f64> = (0..PARTS)
+        .map(|k| chi_square_quantile((k as f64 + 0.5) / PARTS as f64, dof))
+        .collect();
+    let slope = |c: f64| -> f64 {
+        let each = values.iter().map(|x| {
+            let (normal, tail) = parts(m, x / c);
+            let wide = x / c / (WIDE * WIDE);
+            let of_normal = x / c - dof;
+            let of_tail = (1.0 + dof) * wide / (1.0 + wide) - dof;
+            (normal.exp() * of_normal + tail.exp() * of_tail) / (normal.exp() + tail.exp())
+        });
+        each.sum()
+    };
+    let (mut low, mut high) = (0.1, 10.0);
+    // 50 halvings reach the last digit.
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if slope(middle) > 0.0 { low = middle } else { high = middle }
+    }
+    low
 }
 
 /// ln of the normal density of a vector with this square and S = I.
@@ -103,7 +150,7 @@ fn log_gamma(x: f64) -> f64 {
 }
 
 /// L⁻¹ r.
-pub(super) fn whitened(r: &[f64], l: &[f64]) -> Vec<f64> {
+pub(crate) fn whitened(r: &[f64], l: &[f64]) -> Vec<f64> {
     let m = r.len();
     let mut w = r.to_vec();
     for i in 0..m {
@@ -114,7 +161,7 @@ pub(super) fn whitened(r: &[f64], l: &[f64]) -> Vec<f64> {
 }
 
 /// L⁻¹ A L⁻ᵀ of a symmetric A, m×m.
-pub(super) fn between(a: &[f64], l: &[f64], m: usize) -> Vec<f64> {
+pub(crate) fn between(a: &[f64], l: &[f64], m: usize) -> Vec<f64> {
     let mut half = vec![0.0; m * m];
     for j in 0..m {
         let column: Vec<f64> = (0..m).map(|i| a[i * m + j]).collect();
@@ -132,7 +179,7 @@ pub(super) fn between(a: &[f64], l: &[f64], m: usize) -> Vec<f64> {
 }
 
 /// L Lᵀ.
-pub(super) fn product(l: &[f64], m: usize) -> Vec<f64> {
+pub(crate) fn product(l: &[f64], m: usize) -> Vec<f64> {
     let element = |i: usize, j: usize| (0..=i.min(j)).map(|k| l[i * m + k] * l[j * m + k]).sum();
     (0..m * m).map(|at| element(at / m, at % m)).collect()
 }

@@ -1,0 +1,154 @@
+//! Runs of the logs with other noises, and the innovations that they give.
+
+use super::record::{Recorder, Rows};
+use super::{Log, Parameter, Settings, white};
+use crate::likelihood::Density;
+use fusion::config::{Diagnostics, Edit};
+use fusion::design::Design;
+use fusion::run::run_sharing;
+use fusion_models::sim::SharedCourse;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A part of a log in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Part {
+    pub(super) log: usize,
+    from: f64,
+    to: f64,
+}
+
+impl Part {
+    pub(super) fn holds(&self, log: usize, time: f64) -> bool {
+        log == self.log && (self.from..self.to).contains(&time)
+    }
+}
+
+/// The innovations of all logs at one θ.
+pub(super) struct Score {
+    /// For each log its rows by sensor, and from when they count \[s\].
+    pub(super) logs: Vec<(Vec<Option<Rows>>, f64)>,
+}
+
+impl Score {
+    /// The time in which rows of a log count \[s\].
+    pub(super) fn span(&self, log: usize) -> (f64, f64) {
+        let (sensors, from) = &self.logs[log];
+        let ends = sensors.iter().flatten().filter_map(|rows| rows.times.last().copied());
+        (*from, ends.fold(*from, f64::max))
+    }
+
+    /// The logs, each cut into parts of equal length.
+    pub(super) fn parts(&self, folds: usize) -> Vec<Part> {
+        let folds = folds.max(1);
+        let of = |log: usize| {
+            let (from, to) = self.span(log);
+            let edge = move |k: usize| match k {
+                0 => f64::NEG_INFINITY,
+                k if k == folds => f64::INFINITY,
+                k => from + (to - from) * k as f64 / folds as f64,
+            };
+            (0..folds).map(move |k| Part {
+                log,
+                from: edge(k),
+                to: edge(k + 1),
+            })
+        };
+        (0..self.logs.len()).flat_map(of).collect()
+    }
+}
+
+/// Runs of the logs with other values.
+pub(super) struct Trials<'a> {
+    pub(super) logs: &'a [Log],
+    pub(super) parameters: Vec<Parameter>,
+    pub(super) densities: Vec<Option<Density>>,
+    /// For each log: the streams of which one row in so many is used.
+    pub(super) thinning: Vec<Vec<white::Thinned>>,
+    pub(super) settings: &'a Settings,
+    pub(super) runs: &'a AtomicU64,
+}
+
+impl Trials<'_> {
+    pub(super) fn is_thinned(&self) -> bool {
+        self.thinning.iter().any(|log| !log.is_empty())
+    }
+
+    /// Whether no decision of a gate makes the likelihood jump.
+    pub(super) fn is_smooth(&self) -> bool {
+        self.densities.iter().flatten().all(|density| *density == Density::Normal)
+    }
+
+    /// Whether no further step may begin.
+    pub(super) fn is_at_its_end(&self) -> bool {
+        let is_stopped = self.settings.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed));
+        is_stopped || self.runs.load(Ordering::Relaxed) >= self.settings.most_runs
+    }
+
+    /// The innovations of all logs at `theta`.
+    pub(super) fn at(&self, theta: &[f64]) -> Result<Score, Diagnostics> {
+        let each: Result<Vec<_>, Diagnostics> = (0..self.logs.len()).into_par_iter().map(|log| self.run(log, theta)).collect();
+        Ok(Score { logs: each? })
+    }
+
+    /// The innovations of one log, and when they begin to count.
+    fn run(&self, log: usize, theta: &[f64]) -> Result<(Vec<Option<Rows>>, f64), Diagnostics> {
+        let own = &self.logs[log];
+        let mut document = own.document.clone();
+        for (parameter, theta) in self.parameters.iter().zip(theta) {
+            document.apply(&parameter.times(theta.exp(), None))?;
+        }
+        for thinned in &self.thinning[log] {
+            document.apply(&thinned.edit())?;
+        }
+        // No run is scored.
+        if document.root().get("reference").is_some() {
+            document.apply(&Edit::leave_out("reference"))?;
+        }
+        let design = Design::read(document)?;
+        let mut recorder = Recorder::new(&design, &self.densities);
+        let summary = run_sharing(&design, &own.options, &SharedCourse::default(), &mut [&mut recorder])?;
+        self.runs.fetch_add(1, Ordering::Relaxed);
+        let health = summary.health().iter().find(|h| h.filter.is_empty());
+        let aligned = health.and_then(|h| h.aligned).or(summary.start().started).unwrap_or(f64::INFINITY);
+        Ok((recorder.sensors, aligned + self.settings.settle))
+    }
+
+    /// ln L of the rows that `counts` selects by log and time.
+    pub(super) fn log_likelihood(&self, score: &Score, counts: &dyn Fn(usize, f64) -> bool) -> f64 {
+        let mut sum = 0.0;
+        for (log, (sensors, from)) in score.logs.iter().enumerate() {
+            for (rows, density) in sensors.iter().zip(&self.densities) {
+                let (Some(rows), Some(density)) = (rows, density) else { continue };
+                for k in (0..rows.len()).filter(|k| rows.times[*k] >= *from && counts(log, rows.times[*k])) {
+                    let (r, l) = rows.innovation(k);
+                    sum += density.log(r, l);
+                }
+            }
+        }
+        sum
+    }
+
+    /// The gain in nats from `a` to `b`, over the rows of both that `counts` selects by log and time.
+    pub(super) fn gain(&self, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> f64 {
+        self.gains(a, b, counts).iter().map(|(_, gain)| gain).sum()
+    }
+
+    /// The same, row by row: the time of each, and its gain.
+    pub(super) fn gains(&self, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> Vec<(f64, f64)> {
+        let mut gains = Vec::new();
+        for (log, ((one, from), (other, _))) in a.logs.iter().zip(&b.logs).enumerate() {
+            for ((one, other), density) in one.iter().zip(other).zip(&self.densities) {
+                let (Some(one), Some(other), Some(density)) = (one, other, density) else {
+                    continue;
+                };
+                for k in (0..one.len()).filter(|k| one.times[*k] >= *from && counts(log, one.times[*k])) {
+                    let Some(at) = other.at(one.numbers[k]) else { continue };
+                    let ((r, l), (r_b, l_b)) = (one.innovation(k), other.innovation(at));
+                    gains.push((one.times[k], density.log(r_b, l_b) - density.log(r, l)));
+                }
+            }
+        }
+        gains
+    }
+}
