@@ -127,7 +127,7 @@ impl Signal {
     }
 
     /// Whether the columns hold the squares of a 1σ.
-    fn is_variance(&self) -> bool {
+    pub(super) fn is_variance(&self) -> bool {
         matches!(self.kind, Kind::PositionSigma | Kind::VelocitySigma) && self.unit.ends_with("^2")
     }
 
@@ -318,7 +318,7 @@ impl Reported {
 }
 
 /// The unit of columns that report a 1σ, and whether they hold its square.
-pub(super) fn of_unit(unit: &str) -> String {
+fn of_unit(unit: &str) -> String {
     let variance = if unit.ends_with("^2") { ", variance = true" } else { "" };
     format!(", unit = \"{unit}\"{variance}")
 }
