@@ -1,12 +1,14 @@
 //! Findings from the gates and innovations of a sensor.
 
 use super::errors::bold_outages;
+use super::facts::Facts;
 use super::instrument::{Bias, Instrument, Measures, listed};
-use super::{CHECK, FAR, Finding, Judged, LARGE, is_large, ratio};
+use super::table::Found;
+use super::{CHECK, FAR, Finding, LARGE, is_large, ratio};
 use fusion::config::Edit;
 use fusion::health::{Spell, State};
 use fusion::observe::{RejectionStreak, SensorStatistics};
-use fusion::run::{Detector, FaultWindow};
+use fusion::run::FaultWindow;
 use fusion::score::{Consistency, Score, Verdict};
 use fusion_tables::{Unit, short};
 
@@ -24,9 +26,6 @@ const SLIGHT: f64 = 0.2;
 /// `WHITE` they count as white.
 const LASTING: f64 = 0.5;
 const WHITE: f64 = 0.2;
-/// Fewer independent errors against the reference are not enough: with two, the band of a consistent mean spans 0.05 to
-/// 3.7.
-const JUDGE: f64 = 3.0;
 /// Fewer innovations cannot separate the two: 2/√n is then larger than the distance between them.
 const ENOUGH: u64 = 50;
 /// A mean innovation that differs from zero by more than this number of its 1σ is significant: among thousands of rows
@@ -61,16 +60,34 @@ fn softer(sensor: &Instrument) -> String {
     format!("a gate that refuses good ones lets the estimate run away, which {position}a `loss` in its place does not")
 }
 
-impl Judged<'_> {
+impl Facts<'_> {
+    /// The findings of a rule about each sensor.
+    pub(super) fn of_each_sensor(&self, find: fn(&Self, &Instrument, &SensorStatistics) -> Option<Finding>) -> Vec<Finding> {
+        self.sensors().filter_map(|(i, s)| find(self, i, s)).collect()
+    }
+
+    /// The same for sensors whose innovations mean something. A small NIS means nothing for a sensor whose gate rejected
+    /// good measurements: only those that agree were counted.
+    pub(super) fn of_each_sensor_but(
+        &self,
+        found: &Found<'_>,
+        find: fn(&Self, &Instrument, &SensorStatistics) -> Option<Finding>,
+    ) -> Vec<Finding> {
+        let rest = self
+            .sensors()
+            .filter(|(i, _)| !found.is_about(&["innovations-repeat", "lost"], &i.name));
+        rest.filter_map(|(i, s)| find(self, i, s)).collect()
+    }
+
     /// Disturbed rows that the filter used while declared faults were active, if errors are too large.
     pub(super) fn disturbed(&self) -> Option<Finding> {
-        if !Measures::ALL.into_iter().filter_map(|what| self.nees(what)).any(is_large) {
+        if !self.has_large_errors() {
             return None;
         }
         let (mut used, mut faults) = (Vec::new(), Vec::new());
         for (sensor, s) in self.sensors() {
             let missed = s.disturbed.map_or(0, |d| d.missed);
-            let windows = self.summary.faults.iter();
+            let windows = self.run.faults.iter();
             let own: Vec<_> = windows.filter(|w| w.stream == sensor.source || w.stream == sensor.name).collect();
             if missed == 0 || own.is_empty() {
                 continue;
@@ -109,16 +126,13 @@ impl Judged<'_> {
         let told = gated.filter_map(|(i, s)| Some((disagrees_from(s), self.reacquired(i, s).or_else(|| self.rejected(i, s))?)));
         let mut told: Vec<(f64, Finding)> = told.collect();
         told.sort_by(|a, b| a.0.total_cmp(&b.0));
-        told.into_iter()
-            .map(|(_, finding)| finding)
-            .filter(|f| self.applies(&f.rule))
-            .collect()
+        told.into_iter().map(|(_, finding)| finding).collect()
     }
 
-    /// The filter was lost outside declared outages; this finding comes first. Also returns the sensor whose
-    /// measurements were rejected in a row at that time.
-    pub(super) fn lost(&self) -> Option<(Finding, Option<String>)> {
-        let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
+    /// The filter was lost outside declared outages; this finding comes first. It is about the sensor whose measurements
+    /// were rejected in a row at that time, if there is one.
+    pub(super) fn lost(&self) -> Option<Finding> {
+        let own = self.run.health?;
         // For a filter that was never good, another finding names what it waits for.
         let aligned = own.aligned?;
         let spells = own.spells();
@@ -166,17 +180,12 @@ impl Judged<'_> {
             evidence += &format!(": it began at {:.1} s with {}", begun.from, listed(&reasons));
         }
         let advice = advice.unwrap_or_else(|| "what is shown since then may be wrong: look at what it began with".to_owned());
-        let name = refused.map(|(sensor, _)| sensor.name.clone());
-        let about = name.clone().unwrap_or_else(|| "health".to_owned());
-        Some((
-            Finding {
-                about,
-                evidence,
-                advice,
-                ..Finding::of("lost")
-            },
-            name,
-        ))
+        Some(Finding {
+            about: refused.map_or_else(|| "health".to_owned(), |(sensor, _)| sensor.name.clone()),
+            evidence,
+            advice,
+            ..Finding::of("lost")
+        })
     }
 
     fn rejected(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
@@ -201,7 +210,7 @@ impl Judged<'_> {
     /// A sensor that was re-acquired against the estimate, if a large error follows or the run has no reference.
     fn reacquired(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let last_before = |at: f64| s.reacquired_at.iter().copied().rev().find(|t| (0.0..SOON).contains(&(at - t)));
-        let (time, error) = match &self.summary.score {
+        let (time, error) = match self.run.score {
             None => (*s.reacquired_at.first()?, String::new()),
             Some(score) => {
                 outstanding(score).find_map(|(at, error)| Some((last_before(at)?, format!("; {error} followed at {at:.1} s"))))?
@@ -210,7 +219,7 @@ impl Judged<'_> {
         let (refused, all) = refused_by_its_gate(s);
         // Only a declared fault shows that the sensor was wrong, not the estimate.
         let is_own = |w: &&FaultWindow| w.stream == sensor.source || w.stream == sensor.name;
-        let fault = self.summary.faults.iter().filter(is_own).find(|w| (w.from..=w.to).contains(&time));
+        let fault = self.run.faults.iter().filter(is_own).find(|w| (w.from..=w.to).contains(&time));
         let mut edits = Vec::new();
         let advice = match fault {
             Some(w) if sensor.has_recovery => {
@@ -361,7 +370,7 @@ impl Judged<'_> {
     /// detector finds rest.
     fn growth_between(&self, sensor: &Instrument) -> Option<String> {
         let is_stopping = sensor.is_constraint && sensor.measures == Some(Measures::Velocity) && !sensor.limits.is_empty();
-        (is_stopping && !self.growth.is_empty()).then(|| listed(self.growth).replace(" and ", " or "))
+        (is_stopping && !self.growth.is_empty()).then(|| listed(&self.growth).replace(" and ", " or "))
     }
 
     /// Whether each innovation of a sensor resembles the one before.
@@ -370,19 +379,10 @@ impl Judged<'_> {
         own.and_then(|(_, s)| lag_1(s)).is_some_and(|rho| rho > LASTING)
     }
 
-    /// Returns true if only the innovations can judge a sensor. Known errors judge better. A sensor that measures no
-    /// part of the solution may be slow on purpose.
-    fn is_judged_by_innovations(&self, sensor: &Instrument) -> bool {
-        // A few errors that last as long as the run are not enough to judge.
-        let judges = |c: &Consistency| c.independent >= JUDGE;
-        let is_judged = Measures::ALL.into_iter().any(|what| self.nees(what).is_some_and(judges));
-        !sensor.is_constraint && sensor.measures.is_some() && !is_judged
-    }
-
     /// Innovations of a log that are slightly larger than expected, but more than chance allows, if there is nothing
     /// better to judge by.
     pub(super) fn beyond_chance(&self) -> Option<Finding> {
-        let judged = self.sensors().filter(|(i, _)| self.is_recorded && self.is_judged_by_innovations(i));
+        let judged = self.sensors().filter(|(i, _)| self.is_judged_by_innovations(i));
         let nis = judged.filter_map(|(i, s)| Some((i, s.nis.as_ref()?)));
         let is_told = |nis: &Consistency| {
             let excess = ratio(nis) - 1.0;
@@ -407,9 +407,9 @@ impl Judged<'_> {
 
     /// A detector that never held in a run that failed.
     pub(super) fn never_held(&self) -> Option<Finding> {
-        let has_health = self.summary.health.iter().any(|h| h.filter.is_empty() && h.is_good());
+        let has_health = self.run.health.iter().any(|h| h.filter.is_empty() && h.is_good());
         // A summary of several runs does not count the rows of each consumer.
-        let had_no_row = |i: &&Instrument| match self.summary.consumers.iter().find(|c| c.name == i.name) {
+        let had_no_row = |i: &&Instrument| match self.run.consumers.iter().find(|c| c.name == i.name) {
             Some(consumer) => consumer.rows == 0,
             None => self.detector(i).is_some_and(|d| d.held == 0),
         };
@@ -430,22 +430,12 @@ impl Judged<'_> {
         })
     }
 
-    /// The detector that decides when a sensor holds.
-    fn detector(&self, sensor: &Instrument) -> Option<&Detector> {
-        self.summary.detectors.iter().find(|d| d.stage == sensor.source)
-    }
-
     /// Sensors whose measurements are overweighted, because each repeats the error of the one before; the most
     /// overweighted first. They explain errors only up to their own factor.
     pub(super) fn counted(&self) -> Vec<Finding> {
         let nees = || Measures::ALL.into_iter().filter_map(|what| self.nees(what));
         let largest = nees().filter(|c| is_large(c)).map(ratio).fold(COUNTED, f64::max);
-        let has_errors = nees().any(is_large)
-            || self
-                .summary
-                .score
-                .as_ref()
-                .is_some_and(|score| bold_outages(&score.drift).is_some());
+        let has_errors = nees().any(is_large) || self.run.score.is_some_and(|score| bold_outages(&score.drift).is_some());
         let told = self.sensors().filter_map(|(i, s)| {
             let is_told = has_errors && !i.is_constraint && i.measures.is_some() || self.is_judged_by_innovations(i);
             let times = counts(s).filter(|times| is_told && *times > largest)?;
@@ -454,10 +444,7 @@ impl Judged<'_> {
         });
         let mut told: Vec<(f64, Finding)> = told.collect();
         told.sort_by(|a, b| b.0.total_cmp(&a.0));
-        told.into_iter()
-            .map(|(_, finding)| finding)
-            .filter(|f| self.applies(&f.rule))
-            .collect()
+        told.into_iter().map(|(_, finding)| finding).collect()
     }
 
     /// A sensor whose measurements each repeat the error of the one before.

@@ -2,8 +2,9 @@
 //!
 //! Two channels that read the same rows of an instrument have the same latency and the same point on the vehicle.
 
+use super::facts::Facts;
 use super::instrument::Measures;
-use super::{Finding, Judged, is_large};
+use super::{Finding, is_large};
 use fusion::config::{Edit, Node};
 use fusion::design::Design;
 use fusion::run::FinalState;
@@ -131,7 +132,7 @@ pub(super) fn seconds(node: Option<&Node>) -> f64 {
         .map_or(0.0, |(seconds, _)| seconds)
 }
 
-impl Judged<'_> {
+impl Facts<'_> {
     /// A reference that reads a sensor's instrument without the latency of that sensor, if errors are too large.
     pub(super) fn late_reference(&self) -> Vec<(Measures, Finding)> {
         let told = self.stamps.common.iter().filter(|c| {

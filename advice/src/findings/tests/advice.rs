@@ -241,8 +241,8 @@ fn biases_of_the_input_that_cannot_change_are_named_before_a_sensor_without_a_bi
             ..Summary::default()
         };
         let instruments = [instrument(bias)];
-        let judged = Judged {
-            constant_biases,
+        let judged = Facts {
+            constant_biases: constant_biases.to_vec(),
             ..judged(&instruments, &summary)
         };
         judged.findings()[0].advice.clone()
@@ -489,9 +489,9 @@ fn a_hardly_known_heading_names_another_chart_where_the_attitude_is_wrong() {
             }),
             ..Summary::default()
         };
-        let judged = Judged {
+        let judged = Facts {
             is_invariant,
-            growth,
+            growth: growth.to_vec(),
             ..judged(instruments, &summary)
         };
         let all = judged.findings();
@@ -535,8 +535,8 @@ fn a_start_without_a_heading_tells_what_decides_between_ahead_and_astern() {
             start_angle: Some(("heading_offset".to_owned(), 1.8)),
             ..Summary::default()
         };
-        let judged = Judged {
-            growth,
+        let judged = Facts {
+            growth: growth.to_vec(),
             ..judged(&[], &summary)
         };
         judged.findings()[0].advice.contains("a heading and its opposite")

@@ -140,8 +140,8 @@ fn where_a_vehicle_stands_still_the_growth_between_two_stops_is_too_small() {
             sensors: vec![sensor(nis)],
             ..Summary::default()
         };
-        let judged = Judged {
-            growth,
+        let judged = Facts {
+            growth: growth.to_vec(),
             ..judged(std::slice::from_ref(&constraint), &summary)
         };
         judged.findings()[0].advice.clone()

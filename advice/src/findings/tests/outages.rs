@@ -107,10 +107,10 @@ fn a_silence_that_separates_recordings_is_no_gap() {
         ..Summary::default()
     };
     let instruments = [instrument(None)];
-    let of = |restart_after| Judged {
+    let of = |restart_after| Facts {
         restart_after,
         ..judged(&instruments, &summary)
     };
-    let is_told = |judged: Judged<'_>| judged.findings().iter().any(|f| f.evidence.contains("no row for 8.1 s"));
+    let is_told = |judged: Facts<'_>| judged.findings().iter().any(|f| f.evidence.contains("no row for 8.1 s"));
     assert!(is_told(of(None)) && is_told(of(Some(10.0))) && !is_told(of(Some(5.0))));
 }

@@ -289,8 +289,8 @@ fn a_reference_of_the_instrument_of_a_sensor_is_as_late() {
             ..Summary::default()
         };
         let instruments = [instrument(None)];
-        let judged = Judged {
-            stamps: &stamps,
+        let judged = Facts {
+            stamps: stamps.clone(),
             ..judged(&instruments, &summary)
         };
         let all = judged.findings();
@@ -353,8 +353,8 @@ fn positions_that_are_all_early_are_those_of_a_late_input() {
             }),
             ..Summary::default()
         };
-        let judged = Judged {
-            stamps: &stamps,
+        let judged = Facts {
+            stamps: stamps.clone(),
             ..judged(&[], &summary)
         };
         let all = judged.findings();
@@ -391,8 +391,8 @@ fn a_reference_of_the_instrument_of_a_sensor_is_of_one_point_with_it() {
             }),
             ..Summary::default()
         };
-        let judged = Judged {
-            stamps: &stamps,
+        let judged = Facts {
+            stamps: stamps.clone(),
             point,
             ..judged(&[], &summary)
         };

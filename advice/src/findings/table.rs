@@ -1,0 +1,236 @@
+//! The rules of a run, in the order in which their findings are reported: causes before effects.
+
+use super::Finding;
+use super::errors::{bold_outages, constant_heading, far_outage};
+use super::facts::Facts;
+use fusion::run::Ignored;
+
+/// A fact that a run may not have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Need {
+    /// The filter never started.
+    NoStart,
+    /// The filter started.
+    Start,
+    /// The rows are recorded: the axes, signs, units and stamps may be wrong.
+    Recorded,
+    /// There are errors against a reference.
+    Reference,
+    /// No earlier finding is a cause of errors.
+    NoCause,
+}
+
+/// How errors that follow from a finding refer to it.
+#[derive(Clone, Copy, Debug)]
+enum Blame {
+    /// It is not a cause of errors.
+    Nothing,
+    /// By these words.
+    Words(&'static str),
+    /// By the subject of the finding.
+    Subject,
+}
+
+/// Rules whose findings are found together.
+pub(super) struct RunRule {
+    /// Their ids.
+    pub(super) ids: &'static [&'static str],
+    /// The facts that they need.
+    needs: &'static [Need],
+    /// With a finding of one of these rules, these rules have nothing to add.
+    unless: &'static [&'static str],
+    blame: Blame,
+    /// The findings. Test, words and edits of a rule are one function.
+    find: fn(&Facts<'_>, &Found<'_>) -> Vec<Finding>,
+}
+
+/// The findings so far.
+pub(super) struct Found<'a> {
+    ignored: &'a Ignored,
+    findings: Vec<Finding>,
+    /// The causes of errors, in the words that refer to them.
+    causes: Vec<String>,
+}
+
+impl Found<'_> {
+    pub(super) fn has(&self, rules: &[&str]) -> bool {
+        self.findings.iter().any(|f| rules.contains(&f.rule.as_str()))
+    }
+
+    /// Whether one of these rules has a finding about this subject.
+    pub(super) fn is_about(&self, rules: &[&str], subject: &str) -> bool {
+        self.findings.iter().any(|f| f.about == subject && rules.contains(&f.rule.as_str()))
+    }
+
+    pub(super) fn causes(&self) -> &[String] {
+        &self.causes
+    }
+
+    fn add(&mut self, rule: &RunRule, finding: Finding) {
+        let cause = match rule.blame {
+            Blame::Nothing => None,
+            Blame::Words(words) => Some(words.to_owned()),
+            Blame::Subject => Some(format!("`{}`", finding.about)),
+        };
+        self.causes.extend(cause.filter(|cause| !self.causes.contains(cause)));
+        self.findings.push(finding);
+    }
+
+    fn has_need(&self, facts: &Facts<'_>, need: Need) -> bool {
+        match need {
+            Need::NoStart => facts.run.started.is_none(),
+            Need::Start => facts.run.started.is_some(),
+            Need::Recorded => facts.is_recorded,
+            Need::Reference => facts.run.score.is_some(),
+            Need::NoCause => self.causes.is_empty(),
+        }
+    }
+}
+
+/// The findings of all rules but the `ignored` ones: these are not causes of others either.
+pub(super) fn apply(facts: &Facts<'_>, ignored: &Ignored) -> Vec<Finding> {
+    let mut found = Found {
+        ignored,
+        findings: Vec::new(),
+        causes: Vec::new(),
+    };
+    for rule in RULES {
+        if found.has(rule.unless) || !rule.needs.iter().all(|need| found.has_need(facts, *need)) {
+            continue;
+        }
+        for finding in (rule.find)(facts, &found) {
+            debug_assert!(
+                rule.ids.contains(&finding.rule.as_str()),
+                "{} is not of {:?}",
+                finding.rule,
+                rule.ids
+            );
+            if !ignored.has(&finding.rule) {
+                found.add(rule, finding);
+            }
+        }
+    }
+    found.findings
+}
+
+/// Rules of a started filter that are no causes of errors.
+const fn rule(ids: &'static [&'static str], find: fn(&Facts<'_>, &Found<'_>) -> Vec<Finding>) -> RunRule {
+    RunRule {
+        ids,
+        needs: &[Need::Start],
+        unless: &[],
+        blame: Blame::Nothing,
+        find,
+    }
+}
+
+const fn cause(blame: Blame, ids: &'static [&'static str], find: fn(&Facts<'_>, &Found<'_>) -> Vec<Finding>) -> RunRule {
+    RunRule { blame, ..rule(ids, find) }
+}
+
+impl RunRule {
+    const fn needs(self, needs: &'static [Need]) -> Self {
+        Self { needs, ..self }
+    }
+
+    const fn unless(self, unless: &'static [&'static str]) -> Self {
+        Self { unless, ..self }
+    }
+}
+
+fn one(finding: Option<Finding>) -> Vec<Finding> {
+    finding.into_iter().collect()
+}
+
+/// What contradicts itself: the wrong input is compared with everything.
+const INPUT: &[&str] = &["wrong-input"];
+const JUDGED: &[Need] = &[Need::Start, Need::Reference];
+const LOGGED: &[Need] = &[Need::Start, Need::Reference, Need::Recorded, Need::NoCause];
+/// The rules that say more about the innovations of a sensor than their size.
+const REFUSED: &[&str] = &["reacquired", "gate-rejects"];
+const HEADINGS: &[&str] = &["heading-constant", "reference-heading", "heading-wrong"];
+
+/// All rules of a run.
+pub(super) const RULES: &[RunRule] = &[
+    rule(&["never-started"], |f, _| one(f.never_started())).needs(&[Need::NoStart]),
+    rule(&["lost"], |f, _| one(f.lost())),
+    rule(&["late-start"], |f, _| one(f.late_start())),
+    cause(Blame::Words("the range of the input"), &["input-range"], |f, _| {
+        one(f.beyond_range())
+    }),
+    cause(Blame::Words("the faults"), &["fault-used"], |f, _| one(f.disturbed())).needs(JUDGED),
+    cause(Blame::Words("the input"), INPUT, |f, _| {
+        one(f.all_disagree().or_else(|| f.all_refused()))
+    }),
+    cause(Blame::Words("the start"), &["poor-start"], |f, _| one(f.poor_start())),
+    cause(Blame::Words("the spikes"), &["input-spikes"], |f, _| {
+        one(f.spikes().filter(|_| f.has_large_errors()))
+    }),
+    cause(Blame::Subject, &["parameter-far"], |f, _| {
+        one(f
+            .far_parameter()
+            .filter(|(is_of_input, _)| *is_of_input)
+            .map(|(_, finding)| finding))
+    })
+    .unless(INPUT),
+    cause(Blame::Subject, &["first-to-disagree"], |f, found| {
+        let mut refused = f.refused();
+        refused.retain(|refused| !found.ignored.has(&refused.rule));
+        one(f.first_to_disagree(&refused))
+    })
+    .unless(INPUT),
+    cause(Blame::Subject, REFUSED, |f, _| f.refused()).unless(INPUT),
+    cause(Blame::Subject, &["parameter-far"], |f, _| {
+        one(f
+            .far_parameter()
+            .filter(|(is_of_input, _)| !is_of_input)
+            .map(|(_, finding)| finding))
+    })
+    .unless(INPUT),
+    cause(Blame::Subject, &["never-held"], |f, _| one(f.never_held())),
+    cause(Blame::Subject, &["nis-large"], |f, _| f.of_each_sensor(Facts::large)),
+    cause(Blame::Subject, &["parameter-moved"], |f, found| {
+        f.moved(|name| found.is_about(&["nis-large", "reacquired", "gate-rejects", "first-to-disagree"], name))
+    })
+    .unless(INPUT),
+    cause(Blame::Subject, &["innovations-repeat"], |f, _| f.counted()),
+    rule(&["heading-undecided"], |f, _| one(f.undecided())),
+    rule(&["heading-changed"], |f, _| one(f.changed())),
+    rule(&["heading-constant"], |f, _| one(f.run.score.and_then(constant_heading))).needs(JUDGED),
+    rule(&["reference-heading"], |f, _| one(f.wrong_reference()))
+        .needs(&[Need::Start, Need::Reference, Need::Recorded])
+        .unless(HEADINGS),
+    rule(&["heading-wrong"], |f, _| one(f.wrong_heading()))
+        .needs(JUDGED)
+        .unless(HEADINGS),
+    rule(&["reference-latency"], |f, _| one(f.wrong_latency())).needs(LOGGED),
+    rule(&["reference-late"], |f, _| {
+        f.late_reference().into_iter().map(|(_, finding)| finding).collect()
+    })
+    .needs(LOGGED)
+    .unless(&["reference-latency"]),
+    // Wrong time stamps look like a lever arm.
+    rule(&["reference-arm"], |f, _| one(f.wrong_arm()))
+        .needs(LOGGED)
+        .unless(&["reference-latency", "reference-late"]),
+    rule(&["nees-large", "nees-small"], |f, found| f.all_errors(found)).needs(JUDGED),
+    rule(&["attitude-outside"], |f, found| {
+        one(f.attitude_outside(found.causes(), found.has(HEADINGS)))
+    })
+    .needs(JUDGED),
+    rule(&["outages-outside"], |f, _| {
+        one(f.run.score.and_then(|score| bold_outages(&score.drift)))
+    })
+    .needs(JUDGED),
+    rule(&["outage-far"], |f, _| one(f.run.score.and_then(|score| far_outage(&score.drift))))
+        .needs(JUDGED)
+        .unless(&["outages-outside"]),
+    rule(&["uncertain-start"], |f, _| one(f.uncertain_start())),
+    rule(&["nis-small"], |f, found| f.of_each_sensor_but(found, Facts::small)),
+    rule(&["innovations-last"], |f, found| f.of_each_sensor_but(found, Facts::lasting)),
+    rule(&["nis-beyond-chance"], |f, _| one(f.beyond_chance())).needs(&[Need::Start, Need::Recorded]),
+    rule(&["parameter-unlearnt"], |f, _| one(f.unlearnt())),
+    rule(&["input-spikes"], |f, _| one(f.spikes().filter(|_| !f.has_large_errors()))),
+    rule(&["input-gap"], |f, _| one(f.coasted())),
+    rule(&["row-gap"], |f, _| f.gaps().collect()),
+];
