@@ -1,8 +1,9 @@
 //! Findings from the errors against the reference.
 
 use super::facts::Facts;
+use super::found::Found;
 use super::instrument::{Bias, Instrument, Measures, listed};
-use super::table::Found;
+use super::level::{is_more_than, level, sigmas};
 use super::{CHECK, FAR, Finding, LARGE, is_large, ratio};
 use fusion::config::Edit;
 use fusion::score::{Axes, Consistency, Drift, Offset, Score, Verdict};
@@ -20,17 +21,11 @@ const MOST_OF_HEADING: f64 = 0.8;
 const MOUNTED: f64 = 20.0;
 /// A heading with a larger RMS error is wrong for any use \[deg\].
 const WRONG_HEADING: f64 = 10.0;
-/// Above this share of the squared heading errors, most of the error comes from the reference. The share has to exceed
-/// it by two of its 1σ.
+/// Above this share of the squared heading errors, most of the error comes from the reference.
 const MOST_OF_ERRORS: f64 = 0.5;
 /// Above this scatter of the heading about the course \[deg\], the vehicle does not move where its nose points. It is
 /// half a radian: smaller angles can be added as numbers.
 const MOST_SLIP: f64 = 28.6;
-/// The probability that a consistent filter is reported as overconfident in its outages.
-const CHANCE: f64 = 0.02;
-/// The same probability for the largest error at the end of an outage. It is smaller, because noise with heavy tails
-/// reaches large errors sooner. For 1, 13, 100 outages the limits are 3.7, 4.4, 4.8σ.
-const CHANCE_OF_SIZE: f64 = 1e-3;
 /// A measurement that moves the estimate by more than this number of its 1σ is worth a look, in an outage that is
 /// certainly wrong. A measurement that alone determines the estimate does so by chance once in twenty times.
 const MOVED: f64 = 2.0;
@@ -55,7 +50,7 @@ impl Facts<'_> {
     }
 
     /// Errors of all parts of the solution. They may follow from the findings so far.
-    pub(super) fn all_errors(&self, found: &Found<'_>) -> Vec<Finding> {
+    pub(super) fn all_errors(&self, found: &Found) -> Vec<Finding> {
         let late = if found.has(&["reference-late"]) {
             self.late_reference()
         } else {
@@ -173,8 +168,9 @@ impl Facts<'_> {
         let (axes, course) = (score.attitude_deg.as_ref()?, score.course?);
         // A share above 1 cannot come from the reference: then the slip correlates with the errors, because the nose
         // does not follow the motion.
-        let is_share = course.share - 2.0 * course.share_sigma <= 1.0 && course.reference_deg < MOST_SLIP;
-        let is_worse = is_share && course.share - 2.0 * course.share_sigma > MOST_OF_ERRORS;
+        let least = course.share - sigmas(1) * course.share_sigma;
+        let is_share = least <= 1.0 && course.reference_deg < MOST_SLIP;
+        let is_worse = is_share && least > MOST_OF_ERRORS;
         let is_outside = Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
         (is_outside && is_worse).then(|| Finding {
             about: "heading".to_owned(),
@@ -441,17 +437,10 @@ fn offset_arm(offset: &Offset, point: [f64; 3]) -> Option<Finding> {
 /// Outages with an end error above 3σ, if there are more of them than chance allows.
 pub(super) fn bold_outages(drift: &[Drift]) -> Option<Finding> {
     let ratios = drift.iter().map(Drift::end_ratio).filter(|ratio| ratio.is_finite());
-    let (all, bold) = ratios.fold((0_u32, 0_u32), |(all, bold), ratio| (all + 1, bold + u32::from(ratio > 3.0)));
-    // χ² of two degrees of freedom exceeds 9 with probability exp(−9/2). This is the probability of `bold` or more such
-    // outages:
-    let p = (-4.5_f64).exp();
-    let mut chance = 1.0;
-    let mut exactly = (1.0 - p).powi(i32::try_from(all).ok()?);
-    for k in 0..bold {
-        chance -= exactly;
-        exactly *= f64::from(all - k) / f64::from(k + 1) * p / (1.0 - p);
-    }
-    (bold > 0 && chance < CHANCE).then(|| Finding {
+    let (all, bold) = ratios.fold((0, 0), |(all, bold), ratio| (all + 1, bold + u64::from(ratio > 3.0)));
+    // χ² of two degrees of freedom exceeds 9 with probability exp(−9/2).
+    let is_improbable = is_more_than(bold, all, (-4.5_f64).exp(), 1);
+    is_improbable.then(|| Finding {
         about: "outages".to_owned(),
         evidence: format!("at the end of {bold} of {all} outages the error is more than 3σ of the filter"),
         advice: drifting(),
@@ -475,7 +464,7 @@ pub(super) fn far_outage(drift: &[Drift]) -> Option<Finding> {
             short(moved.sigmas)
         )
     });
-    (chance < CHANCE_OF_SIZE).then(|| Finding {
+    (chance < level(1)).then(|| Finding {
         about: "outages".to_owned(),
         evidence: format!(
             "at the end of the outage at {:.1} s the error is {} m, {} times the 1σ of the filter",

@@ -11,7 +11,7 @@ use fusion_core::filter::ChartKind;
 
 /// Fewer independent errors against the reference are not enough: with two, the band of a consistent mean spans 0.05 to
 /// 3.7.
-const JUDGE: f64 = 3.0;
+pub(super) const JUDGE: f64 = 3.0;
 
 /// What a run gave.
 #[derive(Clone, Copy, Debug)]

@@ -20,9 +20,12 @@
 
 mod errors;
 mod facts;
+mod found;
 mod input;
 mod instrument;
+mod level;
 mod moved;
+mod noise;
 mod parameters;
 mod sensors;
 mod stamps;

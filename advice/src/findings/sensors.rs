@@ -1,9 +1,11 @@
 //! Findings from the gates and innovations of a sensor.
 
 use super::errors::bold_outages;
-use super::facts::Facts;
+use super::facts::{Facts, JUDGE};
+use super::found::Found;
 use super::instrument::{Bias, Instrument, Measures, listed};
-use super::table::Found;
+use super::level::{is_large_mean, is_more_than, level, sigmas};
+use super::noise::{Excess, white};
 use super::{CHECK, FAR, Finding, LARGE, is_large, ratio};
 use fusion::config::Edit;
 use fusion::health::{Spell, State};
@@ -12,11 +14,9 @@ use fusion::run::FaultWindow;
 use fusion::score::{Consistency, Score, Verdict};
 use fusion_tables::{Unit, short};
 
-/// Above this share of rejected measurements, a gate does more than remove outliers: a 99 % gate rejects 1 % of the
-/// good ones.
+/// The largest share of outliers of a sound sensor. A gate that rejects a larger share does more than remove outliers: a
+/// 99 % gate rejects 1 % of the good ones.
 const REJECTED: f64 = 0.05;
-/// Fewer measurements do not determine a share: of 20, one rejected is already 5 %.
-const FEW: u64 = 20;
 /// A mean statistic over its degrees of freedom below this is worth a change: errors are √0.5 = 0.71 times the 1σ.
 const SMALL: f64 = 0.5;
 /// A larger excess of the mean over its degrees of freedom is reported if a log has no reference: errors are 1.1 times
@@ -28,9 +28,6 @@ const LASTING: f64 = 0.5;
 const WHITE: f64 = 0.2;
 /// Fewer innovations cannot separate the two: 2/√n is then larger than the distance between them.
 const ENOUGH: u64 = 50;
-/// A mean innovation that differs from zero by more than this number of its 1σ is significant: among thousands of rows
-/// none does.
-const CERTAIN_MEAN: f64 = 4.0;
 /// Correlated innovations are overweighted by this factor or more: the 1σ of the estimated quantity is then √10 = 3
 /// times too small.
 const COUNTED: f64 = 10.0;
@@ -42,8 +39,6 @@ const COVERED: f64 = 2.0 * LARGE;
 const OUTSTANDING: f64 = 8.0;
 /// A constraint with a larger mean does not hold at all: innovations are √10 = 3 times their 1σ.
 const BROKEN: f64 = 10.0;
-/// This number of rejections in a row are no single outliers: at 5 % the probability is less than one in ten thousand.
-const STREAK: u64 = 4;
 /// A sensor disagrees before another one if it does so earlier by more than this \[s\]. A 1 Hz sensor needs a few
 /// measurements to show it.
 const LEAD: f64 = 2.0;
@@ -70,7 +65,7 @@ impl Facts<'_> {
     /// good measurements: only those that agree were counted.
     pub(super) fn of_each_sensor_but(
         &self,
-        found: &Found<'_>,
+        found: &Found,
         find: fn(&Self, &Instrument, &SensorStatistics) -> Option<Finding>,
     ) -> Vec<Finding> {
         let rest = self
@@ -160,9 +155,16 @@ impl Facts<'_> {
             ),
             None,
         );
-        let refused = self.sensors().filter_map(|(i, s)| Some((i, s.longest_rejection_streak?)));
+        // So many outliers in a row are improbable: one series can begin at every measurement.
+        let is_improbable = |s: &SensorStatistics, streak: &RejectionStreak| {
+            let chance = REJECTED.powf(streak.measurements as f64);
+            chance < level((s.accepted + s.rejected) as usize)
+        };
+        let refused = self
+            .sensors()
+            .filter_map(|(i, s)| Some((i, s.longest_rejection_streak.filter(|streak| is_improbable(s, streak))?)));
         let is_then = |streak: &RejectionStreak| streak.from < longest.to && streak.from + streak.seconds > longest.from;
-        let refused = refused.filter(|(_, streak)| streak.measurements >= STREAK && is_then(streak));
+        let refused = refused.filter(|(_, streak)| is_then(streak));
         let refused = refused.max_by_key(|(_, streak)| streak.measurements);
         if let Some((sensor, streak)) = refused {
             evidence += &format!(
@@ -384,11 +386,7 @@ impl Facts<'_> {
     pub(super) fn beyond_chance(&self) -> Option<Finding> {
         let judged = self.sensors().filter(|(i, _)| self.is_judged_by_innovations(i));
         let nis = judged.filter_map(|(i, s)| Some((i, s.nis.as_ref()?)));
-        let is_told = |nis: &Consistency| {
-            let excess = ratio(nis) - 1.0;
-            // The band is 2σ of the mean: this limit is 3σ.
-            !is_large(nis) && excess > SLIGHT && excess > 1.5 * (nis.band.1 / nis.dof as f64 - 1.0)
-        };
+        let is_told = |nis: &Consistency| !is_large(nis) && ratio(nis) > 1.0 + SLIGHT && is_large_mean(nis, self.run.sensors.len());
         let (sensor, nis) = nis
             .filter(|(_, nis)| is_told(nis))
             .max_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1)))?;
@@ -474,54 +472,24 @@ impl Facts<'_> {
     }
 
     /// Innovations that are smaller than the filter expects. A small NIS alone says nothing of the noise: an error that
-    /// lasts needs a noise that covers its repetitions. So the noise is too large only if the innovations, with their
-    /// correlation, tell more than it says.
+    /// lasts needs a noise that covers its repetitions, and the expected error of the estimate may be too large.
     pub(super) fn small(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let nis = s.nis.as_ref()?;
         if !is_small(nis) || is_covered(s) {
             return None;
         }
-        let times = counts(s);
-        let is_wide = times.is_none_or(|times| times < 1.0 / COVERED);
         // If the errors are known and not too large, a designer may have covered an error that the innovations do not
         // show. Only a noise that nothing explains is then reported.
         let is_refuted = sensor.measures.and_then(|what| self.nees(what)).is_some_and(is_large);
-        let is_far = !sensor.is_constraint && sensor.measures.is_some() && times.is_some_and(|times| times < 1.0 / FAR);
-        if !(self.is_judged_by_innovations(sensor) || is_far && !is_refuted) {
+        let excess = self.excess_of(sensor, s);
+        let is_wide = counts(s).is_none_or(|times| times < 1.0 / COVERED);
+        let is_far = counts(s).is_some_and(|times| times < 1.0 / FAR) || excess == Excess::Noise && is_wide;
+        let is_told = !sensor.is_constraint && sensor.measures.is_some() && is_far && !is_refuted;
+        if !(self.is_judged_by_innovations(sensor) || is_told) {
             return None;
         }
-        let name = &sensor.name;
-        let slow = "its errors change slowly and the estimate follows them";
-        let state = match sensor.bias {
-            Some(Bias::Fixed) => "; then declare its `bias` as a state with a `correlation_time`",
-            _ => "",
-        };
-        let white = as_white_noise(s).zip(sensor.noise_key.as_ref());
-        let (much, edits) = match (self.reported(sensor), white) {
-            (Some((reported, edits)), _) => (format!("; {reported}"), edits),
-            (None, Some((white, key))) => (
-                format!("; with their correlation its innovations tell as much as a white `noise` of {white}"),
-                vec![Edit::set(key, format!("{white:?}"))],
-            ),
-            (None, None) => (String::new(), Vec::new()),
-        };
-        let lag_1 = lag_1(s);
-        let advice = match lag_1 {
-            Some(rho) if rho > LASTING && !(is_wide && times.is_some()) => format!("{slow}{state}"),
-            _ if let Some(mean) = lasting_mean(s) => format!(
-                "{mean}, so an error that lasts is among them, which a smaller `noise` would only follow: first {}",
-                self.look_for_constant(sensor)
-            ),
-            _ if !is_wide => format!("{slow}{state}"),
-            Some(rho) if rho < WHITE && self.is_recorded => format!(
-                "its `noise`, or that of the process, is larger than need be; a constant error that the estimate has taken over does not \
-                 show in innovations, so before you lower it {}{much}",
-                self.look_for_constant(sensor)
-            ),
-            Some(rho) if rho < WHITE => format!("its `noise`, or that of the process, is larger than need be{much}"),
-            _ => format!("its `noise`, or that of the process, is larger than need be, or {slow}{state}{much}"),
-        };
-        let edits = if advice.ends_with(&much) { edits } else { Vec::new() };
+        let (name, lag_1) = (&sensor.name, lag_1(s));
+        let (advice, edits) = self.why_small(sensor, s, excess, is_wide);
         let correlated = lag_1.map_or_else(String::new, |rho| format!(", lag-1 autocorrelation {rho:.2}"));
         Some(Finding {
             about: name.clone(),
@@ -530,6 +498,98 @@ impl Facts<'_> {
             edits,
             ..Finding::of("nis-small")
         })
+    }
+
+    /// The advice for a small NIS. Only if the facts separate the noise from all other causes, it has edits.
+    fn why_small(&self, sensor: &Instrument, s: &SensorStatistics, excess: Excess, is_wide: bool) -> (String, Vec<Edit>) {
+        let slow = match sensor.bias {
+            Some(Bias::Fixed) => {
+                "its errors change slowly and the estimate follows them; then declare its `bias` as a state with a `correlation_time`"
+            }
+            _ => "its errors change slowly and the estimate follows them",
+        };
+        let lag_1 = lag_1(s);
+        let is_lasting = lag_1.is_some_and(|rho| rho > LASTING);
+        if is_lasting && !(is_wide && counts(s).is_some()) {
+            return (slow.to_owned(), Vec::new());
+        }
+        if let Some(mean) = self.lasting_mean(s) {
+            let look = self.look_for_constant(sensor);
+            let advice = format!("{mean}, so an error that lasts is among them, which a smaller `noise` would only follow: first {look}");
+            return (advice, Vec::new());
+        }
+        if !is_wide {
+            return (slow.to_owned(), Vec::new());
+        }
+        let (much, edits) = self.smaller_noise(sensor, s);
+        let hidden = if self.has_judge(sensor) {
+            String::new()
+        } else {
+            let look = self.look_for_constant(sensor);
+            format!("; a constant error that the estimate has taken over does not show in innovations, so before you lower it {look}")
+        };
+        match excess {
+            Excess::Estimate => (self.wide_estimate(), Vec::new()),
+            Excess::Noise if hidden.is_empty() => (format!("its `noise` is too large, even for an exact estimate{much}"), edits),
+            Excess::Noise => {
+                let advice = format!("its `noise` is larger than need be, even for an exact estimate{hidden}{much}");
+                (advice, Vec::new())
+            }
+            Excess::Unknown => {
+                let is_white = lag_1.is_some_and(|rho| rho < WHITE);
+                let also = if is_white { String::new() } else { format!(", or {slow}") };
+                let advice = format!("its `noise`, or that of the process, is larger than need be{also}{hidden}{much}");
+                (advice, Vec::new())
+            }
+        }
+    }
+
+    /// The advice if the filter expects too large errors of its estimate.
+    fn wide_estimate(&self) -> String {
+        let growth = match self.growth.as_slice() {
+            [] => String::new(),
+            growth => format!(" ({})", listed(growth).replace(" and ", " or ")),
+        };
+        format!(
+            "its innovations, with their correlation, need all of its `noise`, so the filter expects too large errors of its estimate: look \
+             at the noises of the process{growth}, the `random_walk` of its states, and the initial σ; leave `noise`"
+        )
+    }
+
+    /// Whether a constant error of a sensor would show: rows are simulated, or the errors of the part that it measures are
+    /// known and not too large.
+    fn has_judge(&self, sensor: &Instrument) -> bool {
+        let nees = sensor.measures.and_then(|what| self.nees(what));
+        !self.is_recorded || nees.is_some_and(|nees| nees.independent >= JUDGE && !is_large(nees))
+    }
+
+    /// A smaller noise, in words, and the edits that declare it.
+    fn smaller_noise(&self, sensor: &Instrument, s: &SensorStatistics) -> (String, Vec<Edit>) {
+        match (self.reported(sensor), as_white_noise(s).zip(sensor.noise_key.as_ref())) {
+            (Some((reported, edits)), _) => (format!("; {reported}"), edits),
+            (None, Some((white, key))) => (
+                format!("; with their correlation its innovations tell as much as a white `noise` of {white}"),
+                vec![Edit::set(key, format!("{white:?}"))],
+            ),
+            (None, None) => (String::new(), Vec::new()),
+        }
+    }
+
+    /// A significant mean innovation, in words: the row whose mean is furthest from zero in its 1σ.
+    fn lasting_mean(&self, s: &SensorStatistics) -> Option<String> {
+        let own = &s.innovations;
+        let tests = self.run.sensors.iter().map(|s| s.innovations.mean.len()).sum();
+        let rows = own.mean.iter().zip(&own.mean_sigmas).zip(&own.unit).enumerate();
+        let most = rows.max_by(|a, b| a.1.0.1.abs().total_cmp(&b.1.0.1.abs()));
+        let (row, ((mean, far), unit)) = most.filter(|(_, ((_, far), _))| far.abs() > sigmas(tests) && own.count >= ENOUGH)?;
+        let unit = Unit::of_si(unit);
+        let axis = own.axis.get(row).map_or_else(String::new, |axis| format!(" ({axis})"));
+        Some(format!(
+            "their mean{axis} is {} {}, {:.1} times its own 1σ",
+            short(unit.of(*mean)),
+            unit.symbol(),
+            far.abs()
+        ))
     }
 
     /// Innovations with the expected size that are not independent of each other.
@@ -573,7 +633,7 @@ fn refused_by_its_gate(s: &SensorStatistics) -> (u64, u64) {
 pub(super) fn rejected_share(s: &SensorStatistics) -> Option<f64> {
     let (good, all) = refused_by_its_gate(s);
     let share = good as f64 / all as f64;
-    (all >= FEW && share > REJECTED).then_some(share)
+    is_more_than(good, all, REJECTED, 1).then_some(share)
 }
 
 /// The time and text of errors that are much larger than the others of a run.
@@ -616,35 +676,11 @@ fn is_covered(s: &SensorStatistics) -> bool {
     counts(s).is_some_and(|times| (1.0 / COVERED..COVERED).contains(&times))
 }
 
-/// White noise with the same information as the innovations, with its unit: its density equals that of the error at low
-/// frequencies, its variance times τ.
+/// White noise with the same information as the innovations, with its unit: of the row with the largest.
 fn as_white_noise(s: &SensorStatistics) -> Option<String> {
-    let own = &s.innovations;
-    let white = own.rms.iter().zip(&own.independent);
-    let white = white
-        .map(|(rms, n)| rms * (own.count as f64 / n).sqrt())
-        .reduce(f64::max)
-        .filter(|white| white.is_finite())?;
-    let unit = Unit::of_si(own.unit.first()?);
-    Some(format!("{} {}", short(unit.of(white)), unit.symbol()))
-}
-
-/// A significant mean innovation, in words: the row whose mean is furthest from zero in its 1σ.
-fn lasting_mean(s: &SensorStatistics) -> Option<String> {
-    let own = &s.innovations;
-    let rows = own.mean.iter().zip(&own.mean_sigmas).zip(&own.unit).enumerate();
-    let most = rows.max_by(|a, b| a.1.0.1.abs().total_cmp(&b.1.0.1.abs()));
-    let (row, ((mean, sigmas), unit)) = most.filter(|(_, ((_, sigmas), _))| sigmas.abs() > CERTAIN_MEAN && own.count >= ENOUGH)?;
-    let (unit, axis) = (
-        Unit::of_si(unit),
-        own.axis.get(row).map_or_else(String::new, |axis| format!(" ({axis})")),
-    );
-    Some(format!(
-        "their mean{axis} is {} {}, {:.1} times its own 1σ",
-        short(unit.of(*mean)),
-        unit.symbol(),
-        sigmas.abs()
-    ))
+    let largest = white(s).reduce(f64::max).filter(|white| white.is_finite())?;
+    let unit = Unit::of_si(s.innovations.unit.first()?);
+    Some(format!("{} {}", short(unit.of(largest)), unit.symbol()))
 }
 
 /// Returns true if innovations are smaller than expected by enough to need a change.

@@ -4,6 +4,7 @@
 
 use super::facts::Facts;
 use super::instrument::Measures;
+use super::level::sigmas;
 use super::{Finding, is_large};
 use fusion::config::{Edit, Node};
 use fusion::design::Design;
@@ -13,8 +14,6 @@ use fusion_models::block::Reading;
 use fusion_models::param::ParamSpec;
 use fusion_models::units::{self, Dimensional, dim};
 
-/// The reference has to differ from the estimate by more than this number of its 1σ to be reported.
-const DIFFERS: f64 = 3.0;
 /// Smaller differences of a latency \[s\] and of a point \[m\] are not reported: the centre of an antenna is hardly
 /// better known.
 const LEAST_LATENCY: f64 = 0.01;
@@ -137,7 +136,7 @@ impl Facts<'_> {
     pub(super) fn late_reference(&self) -> Vec<(Measures, Finding)> {
         let told = self.stamps.common.iter().filter(|c| {
             let off = (c.delay.seconds - c.latency).abs();
-            let is_far = off > LEAST_LATENCY.max(DIFFERS * c.delay.sigma);
+            let is_far = off > LEAST_LATENCY.max(sigmas(self.stamps.common.len()) * c.delay.sigma);
             // A row cannot be stamped before it is measured: then another clock is wrong.
             is_far && c.delay.seconds > 0.0 && self.nees(c.what).is_some_and(is_large)
         });
@@ -166,8 +165,9 @@ impl Facts<'_> {
 
     /// A reference that reads a sensor's instrument with a point that differs from the estimated lever arm.
     pub(super) fn other_arm(&self) -> Option<Finding> {
-        let point = self.point;
-        let differs = |(arm, sigma): &([f64; 3], [f64; 3])| (0..3).any(|k| (arm[k] - point[k]).abs() > LEAST_ARM.max(DIFFERS * sigma[k]));
+        let (point, differs_by) = (self.point, sigmas(3 * self.stamps.common.len()));
+        let differs =
+            |(arm, sigma): &([f64; 3], [f64; 3])| (0..3).any(|k| (arm[k] - point[k]).abs() > LEAST_ARM.max(differs_by * sigma[k]));
         let found = self.stamps.common.iter().filter(|c| c.what == Measures::Position);
         let (common, (arm, sigma)) = found.filter_map(|c| Some((c, c.arm?))).find(|(_, arm)| differs(arm))?;
         let listed = |v: [f64; 3]| v.map(|v| format!("{v:.3}")).join(", ");

@@ -3,11 +3,12 @@
 use super::Finding;
 use super::errors::{bold_outages, constant_heading, far_outage};
 use super::facts::Facts;
+use super::found::Found;
 use fusion::run::Ignored;
 
 /// A fact that a run may not have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Need {
+enum Need {
     /// The filter never started.
     NoStart,
     /// The filter started.
@@ -18,6 +19,18 @@ pub(super) enum Need {
     Reference,
     /// No earlier finding is a cause of errors.
     NoCause,
+}
+
+impl Need {
+    fn is_met(self, facts: &Facts<'_>, found: &Found) -> bool {
+        match self {
+            Self::NoStart => facts.run.started.is_none(),
+            Self::Start => facts.run.started.is_some(),
+            Self::Recorded => facts.is_recorded,
+            Self::Reference => facts.run.score.is_some(),
+            Self::NoCause => found.causes().is_empty(),
+        }
+    }
 }
 
 /// How errors that follow from a finding refer to it.
@@ -31,71 +44,34 @@ enum Blame {
     Subject,
 }
 
+impl Blame {
+    fn words(self, finding: &Finding) -> Option<String> {
+        match self {
+            Self::Nothing => None,
+            Self::Words(words) => Some(words.to_owned()),
+            Self::Subject => Some(format!("`{}`", finding.about)),
+        }
+    }
+}
+
 /// Rules whose findings are found together.
-pub(super) struct RunRule {
+struct RunRule {
     /// Their ids.
-    pub(super) ids: &'static [&'static str],
+    ids: &'static [&'static str],
     /// The facts that they need.
     needs: &'static [Need],
     /// With a finding of one of these rules, these rules have nothing to add.
     unless: &'static [&'static str],
     blame: Blame,
     /// The findings. Test, words and edits of a rule are one function.
-    find: fn(&Facts<'_>, &Found<'_>) -> Vec<Finding>,
-}
-
-/// The findings so far.
-pub(super) struct Found<'a> {
-    ignored: &'a Ignored,
-    findings: Vec<Finding>,
-    /// The causes of errors, in the words that refer to them.
-    causes: Vec<String>,
-}
-
-impl Found<'_> {
-    pub(super) fn has(&self, rules: &[&str]) -> bool {
-        self.findings.iter().any(|f| rules.contains(&f.rule.as_str()))
-    }
-
-    /// Whether one of these rules has a finding about this subject.
-    pub(super) fn is_about(&self, rules: &[&str], subject: &str) -> bool {
-        self.findings.iter().any(|f| f.about == subject && rules.contains(&f.rule.as_str()))
-    }
-
-    pub(super) fn causes(&self) -> &[String] {
-        &self.causes
-    }
-
-    fn add(&mut self, rule: &RunRule, finding: Finding) {
-        let cause = match rule.blame {
-            Blame::Nothing => None,
-            Blame::Words(words) => Some(words.to_owned()),
-            Blame::Subject => Some(format!("`{}`", finding.about)),
-        };
-        self.causes.extend(cause.filter(|cause| !self.causes.contains(cause)));
-        self.findings.push(finding);
-    }
-
-    fn has_need(&self, facts: &Facts<'_>, need: Need) -> bool {
-        match need {
-            Need::NoStart => facts.run.started.is_none(),
-            Need::Start => facts.run.started.is_some(),
-            Need::Recorded => facts.is_recorded,
-            Need::Reference => facts.run.score.is_some(),
-            Need::NoCause => self.causes.is_empty(),
-        }
-    }
+    find: fn(&Facts<'_>, &Found) -> Vec<Finding>,
 }
 
 /// The findings of all rules but the `ignored` ones: these are not causes of others either.
 pub(super) fn apply(facts: &Facts<'_>, ignored: &Ignored) -> Vec<Finding> {
-    let mut found = Found {
-        ignored,
-        findings: Vec::new(),
-        causes: Vec::new(),
-    };
+    let mut found = Found::default();
     for rule in RULES {
-        if found.has(rule.unless) || !rule.needs.iter().all(|need| found.has_need(facts, *need)) {
+        if found.has(rule.unless) || !rule.needs.iter().all(|need| need.is_met(facts, &found)) {
             continue;
         }
         for finding in (rule.find)(facts, &found) {
@@ -106,15 +82,21 @@ pub(super) fn apply(facts: &Facts<'_>, ignored: &Ignored) -> Vec<Finding> {
                 rule.ids
             );
             if !ignored.has(&finding.rule) {
-                found.add(rule, finding);
+                found.add(rule.blame.words(&finding), finding);
             }
         }
     }
-    found.findings
+    found.finish()
+}
+
+/// The ids of all rules of a run.
+#[cfg(test)]
+pub(super) fn run_rules() -> impl Iterator<Item = &'static str> {
+    RULES.iter().flat_map(|rule| rule.ids).copied()
 }
 
 /// Rules of a started filter that are no causes of errors.
-const fn rule(ids: &'static [&'static str], find: fn(&Facts<'_>, &Found<'_>) -> Vec<Finding>) -> RunRule {
+const fn rule(ids: &'static [&'static str], find: fn(&Facts<'_>, &Found) -> Vec<Finding>) -> RunRule {
     RunRule {
         ids,
         needs: &[Need::Start],
@@ -124,7 +106,7 @@ const fn rule(ids: &'static [&'static str], find: fn(&Facts<'_>, &Found<'_>) -> 
     }
 }
 
-const fn cause(blame: Blame, ids: &'static [&'static str], find: fn(&Facts<'_>, &Found<'_>) -> Vec<Finding>) -> RunRule {
+const fn cause(blame: Blame, ids: &'static [&'static str], find: fn(&Facts<'_>, &Found) -> Vec<Finding>) -> RunRule {
     RunRule { blame, ..rule(ids, find) }
 }
 
@@ -142,7 +124,7 @@ fn one(finding: Option<Finding>) -> Vec<Finding> {
     finding.into_iter().collect()
 }
 
-/// What contradicts itself: the wrong input is compared with everything.
+/// All sensors are compared with the input: if it is wrong, nothing else is blamed.
 const INPUT: &[&str] = &["wrong-input"];
 const JUDGED: &[Need] = &[Need::Start, Need::Reference];
 const LOGGED: &[Need] = &[Need::Start, Need::Reference, Need::Recorded, Need::NoCause];
@@ -151,7 +133,7 @@ const REFUSED: &[&str] = &["reacquired", "gate-rejects"];
 const HEADINGS: &[&str] = &["heading-constant", "reference-heading", "heading-wrong"];
 
 /// All rules of a run.
-pub(super) const RULES: &[RunRule] = &[
+const RULES: &[RunRule] = &[
     rule(&["never-started"], |f, _| one(f.never_started())).needs(&[Need::NoStart]),
     rule(&["lost"], |f, _| one(f.lost())),
     rule(&["late-start"], |f, _| one(f.late_start())),
@@ -173,11 +155,11 @@ pub(super) const RULES: &[RunRule] = &[
             .map(|(_, finding)| finding))
     })
     .unless(INPUT),
-    cause(Blame::Subject, &["first-to-disagree"], |f, found| {
-        let mut refused = f.refused();
-        refused.retain(|refused| !found.ignored.has(&refused.rule));
-        one(f.first_to_disagree(&refused))
-    })
+    cause(
+        Blame::Subject,
+        &["first-to-disagree"],
+        |f, _| one(f.first_to_disagree(&f.refused())),
+    )
     .unless(INPUT),
     cause(Blame::Subject, REFUSED, |f, _| f.refused()).unless(INPUT),
     cause(Blame::Subject, &["parameter-far"], |f, _| {

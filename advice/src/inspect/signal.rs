@@ -81,7 +81,7 @@ impl Kind {
             Self::MagneticField => "nothing here needs it",
             Self::Heading => "it does not follow the course, or nothing here needs it",
             Self::Quaternion | Self::Euler => "the estimate of another filter is no measurement",
-            Self::Wheels => "an odometer takes one speed: add a column with the mean of both",
+            Self::Wheels => "a column has the speed itself, or no positions give the radius of the wheels",
             Self::Pressure => "a barometer needs an inertial unit with positions that have a height, and air",
             Self::PositionSigma | Self::VelocitySigma => "rows lack it, the slow error in it is a state, or nothing here needs it",
             Self::Depth => "the positions have one",

@@ -1,4 +1,5 @@
 mod advice;
+mod each;
 mod innovations;
 mod moved;
 mod outages;
@@ -10,6 +11,7 @@ use super::facts::Run;
 use super::instrument::{self, Bias, Instrument, Measures};
 use super::stamps::Stamps;
 use super::*;
+use fusion::config::Edit;
 use fusion::observe::{ConsumerCounts, Disturbed, SensorStatistics};
 use fusion::run::{FaultWindow, FinalState};
 use fusion::score::{Axes, Drift, Moved, Score};
@@ -40,6 +42,7 @@ fn instrument(bias: Option<Bias>) -> Instrument {
         leader: None,
         channels: &["axes", "signs", "units"],
         parameters: vec!["lever_arm".to_owned()],
+        noise: Vec::new(),
         noise_key: Some("sensor.gnss.noise".to_owned()),
         reports: None,
     }

@@ -276,13 +276,8 @@ impl<'a> Search<'a> {
                 far.extend(tried.far_starts(0.0).into_iter().map(|start| (tried, start, Vec::new())));
             }
         }
-        // Sensors of one receiver share a delay. Each sensor alone would contradict the others.
-        let suspects: Vec<&Tried<'_>> = tried.iter().filter(|(_, is_suspect, _)| *is_suspect).map(|(t, ..)| t).collect();
-        let receivers: Vec<Tried<'_>> = suspects.iter().filter_map(|first| first.receiver(&suspects)).collect();
-        let late = self.each(&receivers, Tried::told, |tried| self.alone(base, tried, tried.start(), None));
-        for (tried, late) in receivers.iter().zip(late) {
-            let late = late.filter(|(_, estimate, gain)| tried.differs(estimate) && gain.total >= LEAST && gain.share >= SHARE);
-            keep(late.map(|(start, estimate, gain)| Cause::of(tried, start, estimate, gain)), 0.0);
+        for cause in self.of_receivers(base, &tried) {
+            keep(Some(cause), 0.0);
         }
         // If one sensor would be early, the clock of the process is late. Tries the delay that each sensor gives.
         if let Some((early, _)) = earlier.iter().find(|(tried, estimate)| tried.is_early(estimate)) {
@@ -312,6 +307,19 @@ impl<'a> Search<'a> {
             causes.into_iter().for_each(|cause| keep(cause, LEAST));
         }
         best
+    }
+
+    /// Sensors of one receiver share a delay. Each sensor alone would contradict the others.
+    fn of_receivers(&self, base: &Course, tried: &[(Tried<'a>, bool, bool)]) -> Vec<Cause<'a>> {
+        let suspects: Vec<&Tried<'a>> = tried.iter().filter(|(_, is_suspect, _)| *is_suspect).map(|(t, ..)| t).collect();
+        let receivers: Vec<Tried<'a>> = suspects.iter().filter_map(|first| first.receiver(&suspects)).collect();
+        let late = self.each(&receivers, Tried::told, |tried| self.alone(base, tried, tried.start(), None));
+        let causes = receivers.iter().zip(late).filter_map(|(tried, late)| {
+            let (start, estimate, gain) = late?;
+            let is_told = tried.differs(&estimate) && gain.total >= LEAST && gain.share >= SHARE;
+            is_told.then(|| Cause::of(tried, start, estimate, gain))
+        });
+        causes.collect()
     }
 
     /// A scale that is a state and moved to another unit or sign by itself.

@@ -10,6 +10,7 @@ mod reckoning;
 mod sensors;
 mod sources;
 mod strapdown;
+mod tracks;
 
 use self::draft::Draft;
 use super::signal::Kind::{AngularRate, Euler, Geodetic, Local, SpecificForce, Speed, YawRate};
@@ -26,7 +27,7 @@ const WITHHELD: f64 = 1.9;
 /// The input that drives the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Driver {
-    /// An odometer, and a rate of turn.
+    /// An odometer and a rate of turn, or the speeds of both sides.
     Odometer,
     /// An inertial unit with positions.
     Inertial,
@@ -98,6 +99,7 @@ impl Inspection {
             (is_inertial && self.is_of_water(Speed), Driver::Inertial),
             (is_placed && has(Speed) && turns, Driver::Odometer),
             (is_inertial, Driver::Inertial),
+            (is_placed && self.sides().is_some(), Driver::Odometer),
             (is_placed && is_measured, Driver::Attitude),
             (rate >= INTEGRABLE && walks, Driver::Foot),
             (rate >= INTEGRABLE, Driver::Gyros),
@@ -123,6 +125,7 @@ impl Inspection {
             draft.reason("bank", "guessed: of the two tracks of the positions each is tried");
         }
         let what = match driver {
+            Driver::Odometer if self.sides().is_some() => "speeds of both sides and positions, in the plane",
             Driver::Odometer => "odometer, rate of turn and positions, in the plane",
             Driver::Inertial => "inertial unit and positions",
             Driver::Attitude => "dead reckoning by an attitude reference, with positions",

@@ -8,13 +8,11 @@ use crate::inspect::signal::Kind::{AngularRate, Speed, YawRate};
 
 impl Inspection {
     pub(super) fn odometry(&self, draft: &mut Draft) {
-        let (Some((k, track)), Some(odometer)) = (&self.position, self.with(Speed)) else {
+        let (Some((k, track)), Some((odometer, speed))) = (&self.position, self.forward()) else {
             return;
         };
         draft.part("unicycle");
-        let accelerates = self.logs[odometer]
-            .values(Speed)
-            .and_then(|speed| acceleration(self.logs[odometer].stamps(), &speed));
+        let accelerates = acceleration(self.logs[odometer].stamps(), &speed);
         draft.set("speed_noise", format!("{:.2} m/s^2/sqrt(Hz)", accelerates.unwrap_or(0.0).max(0.1)));
         draft.set("position_sigma", format!("{:.2} m", self.whole(&self.logs[*k], track)));
         draft.set("speed_sigma", format!("{:.2} m/s", 0.3 * track.top_speed()));
@@ -26,20 +24,27 @@ impl Inspection {
             draft.set("horizontal", true);
         }
         self.position_sensors(draft, false, None);
-        draft.part("odometer in the plane");
+        if self.with(Speed).is_some() {
+            draft.part("odometer in the plane");
+        } else {
+            self.tracks(draft);
+        }
         self.turning(draft);
         draft.part("data");
         self.position_source(draft);
-        self.source(draft, "odometry", odometer, &[Speed], None);
+        if self.with(Speed).is_some() {
+            self.source(draft, "odometry", odometer, &[Speed], None);
+        }
     }
 
     /// The turn rate: from a gyro about the vertical, or as reported.
     fn turning(&self, draft: &mut Draft) {
-        draft.part("turn");
         let Some((k, imu)) = &self.imu else {
             let Some(k) = self.with(YawRate) else { return };
+            draft.part("turn");
             return self.source(draft, "turn", k, &[YawRate], None);
         };
+        draft.part("turn");
         let Some(rates) = self.logs[*k].signal(AngularRate) else { return };
         // Clockwise means a turn about the down axis.
         let (column, is_against) = rates.columns[imu.up.0];

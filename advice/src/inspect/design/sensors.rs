@@ -323,7 +323,7 @@ impl Inspection {
 
     /// A speed ahead: from wheels, or from a log that measures the speed through the water.
     pub(super) fn log_or_wheels(&self, draft: &mut Draft) {
-        let Some(k) = self.with(Speed) else { return };
+        let Some(k) = self.with(Speed) else { return self.tracks(draft) };
         if let Some(current) = self.current(Speed) {
             draft.part("speed through water");
             drift(draft, &self.why_water(Speed, current));

@@ -123,6 +123,9 @@ impl Inspection {
             Kind::PositionSigma => is_in_plane && log.has(Kind::Geodetic),
             _ => false,
         };
+        if signal.kind == Kind::Wheels {
+            return self.side_channels(draft, log, signal);
+        }
         if signal.kind == Kind::Euler {
             self.undecided_heading(draft, &signal.names(&log.table));
         }
