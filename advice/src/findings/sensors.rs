@@ -29,7 +29,7 @@ const WHITE: f64 = 0.2;
 /// Fewer innovations cannot separate the two: 2/√n is then larger than the distance between them.
 const ENOUGH: u64 = 50;
 /// Correlated innovations are overweighted by this factor or more: the 1σ of the estimated quantity is then √10 = 3
-/// times too small.
+/// times too small. By its inverse, measurements of a filter with known errors are underweighted enough to be worth a change.
 const COUNTED: f64 = 10.0;
 /// Between its inverse and this factor the declared noise already covers the correlation. A dozen independent innovations determine the
 /// factor to a factor of two, and the variance of a consistent filter is within [`LARGE`].
@@ -479,12 +479,13 @@ impl Facts<'_> {
             return None;
         }
         // If the errors are known and not too large, a designer may have covered an error that the innovations do not
-        // show. Only a noise that nothing explains is then reported.
+        // show, such as that of a detector. Only a noise that nothing explains is then reported.
         let is_refuted = sensor.measures.and_then(|what| self.nees(what)).is_some_and(is_large);
         let excess = self.excess_of(sensor, s);
         let is_wide = counts(s).is_none_or(|times| times < 1.0 / COVERED);
-        let is_far = counts(s).is_some_and(|times| times < 1.0 / FAR) || excess == Excess::Noise && is_wide;
-        let is_told = !sensor.is_constraint && sensor.measures.is_some() && is_far && !is_refuted;
+        let most = if excess == Excess::Noise { COUNTED } else { FAR };
+        let is_far = counts(s).is_some_and(|times| times < 1.0 / most);
+        let is_told = !sensor.is_detected() && sensor.measures.is_some() && is_far && !is_refuted;
         if !(self.is_judged_by_innovations(sensor) || is_told) {
             return None;
         }
@@ -521,7 +522,7 @@ impl Facts<'_> {
         if !is_wide {
             return (slow.to_owned(), Vec::new());
         }
-        let (much, edits) = self.smaller_noise(sensor, s);
+        let (much, edits) = Self::smaller_noise(sensor, s);
         let hidden = if self.has_judge(sensor) {
             String::new()
         } else {
@@ -563,16 +564,13 @@ impl Facts<'_> {
         !self.is_recorded || nees.is_some_and(|nees| nees.independent >= JUDGE && !is_large(nees))
     }
 
-    /// A smaller noise, in words, and the edits that declare it.
-    fn smaller_noise(&self, sensor: &Instrument, s: &SensorStatistics) -> (String, Vec<Edit>) {
-        match (self.reported(sensor), as_white_noise(s).zip(sensor.noise_key.as_ref())) {
-            (Some((reported, edits)), _) => (format!("; {reported}"), edits),
-            (None, Some((white, key))) => (
-                format!("; with their correlation its innovations tell as much as a white `noise` of {white}"),
-                vec![Edit::set(key, format!("{white:?}"))],
-            ),
-            (None, None) => (String::new(), Vec::new()),
-        }
+    /// A smaller noise, in words, and the edit that declares it. The 1σ that a file reports would be added to the noise.
+    fn smaller_noise(sensor: &Instrument, s: &SensorStatistics) -> (String, Vec<Edit>) {
+        let Some((white, key)) = as_white_noise(s).zip(sensor.noise_key.as_ref()) else {
+            return Default::default();
+        };
+        let words = format!("; with their correlation its innovations tell as much as a white `noise` of {white}");
+        (words, vec![Edit::set(key, format!("{white:?}"))])
     }
 
     /// A significant mean innovation, in words: the row whose mean is furthest from zero in its 1σ.

@@ -99,8 +99,8 @@ impl Inspection {
             (is_inertial && self.is_of_water(Speed), Driver::Inertial),
             (is_placed && has(Speed) && turns, Driver::Odometer),
             (is_inertial, Driver::Inertial),
-            (is_placed && self.sides().is_some(), Driver::Odometer),
             (is_placed && is_measured, Driver::Attitude),
+            (is_placed && self.sides().is_some(), Driver::Odometer),
             (rate >= INTEGRABLE && walks, Driver::Foot),
             (rate >= INTEGRABLE, Driver::Gyros),
         ];

@@ -20,6 +20,11 @@ impl Inspection {
         self.first_height(draft);
         self.first_sigma(draft, 1.0, "of a fix");
         draft.part("heading by baseline");
+        // Ten times the 1σ of both ends is 8° of heading.
+        let distance = 10.0 * self.whole(&self.logs[*k], track);
+        if distance < 4.0 {
+            draft.guess("min_distance", format!("{distance:.1} m"), "guessed: ten times the 1σ of a fix");
+        }
         if !self.has_height() && !super::is_local(&self.logs[*k]) {
             draft.set("horizontal", true);
         }
