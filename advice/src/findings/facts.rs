@@ -13,7 +13,7 @@ use fusion_core::filter::ChartKind;
 /// 3.7.
 pub(super) const JUDGE: f64 = 3.0;
 
-/// What a run gave.
+/// The results of a run that rules use.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Run<'a> {
     /// When the filter started \[s\]; `None` if it never did.

@@ -1,6 +1,5 @@
 //! The properties of a sensor that advice depends on. They come from its block, never from its name.
 
-use super::moved::Reports;
 use fusion::config::Node;
 use fusion::design::{Design, Named, SensorDesign};
 use fusion::run::FinalState;
@@ -43,6 +42,19 @@ pub(super) struct Instrument {
     pub(super) noise_key: Option<String>,
     /// The 1σ that its source may report; `None` if the sensor already uses it, or cannot use it.
     pub(super) reports: Option<Reports>,
+}
+
+/// The 1σ that a source may report, as the design declares it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Reports {
+    /// The channel of the source that would report it.
+    pub(super) channel: String,
+    /// The numbers of that channel.
+    pub(super) width: usize,
+    /// Whether the source declares it.
+    pub(super) is_declared: bool,
+    /// The 1σ that the sensor has instead, as it is written.
+    pub(super) sigma: String,
 }
 
 /// How a design declares the bias of a sensor.

@@ -1,9 +1,10 @@
 //! Advice on the next step, which follows from the statistics of a run.
 //!
 //! ```text
-//! design ──▶ what each sensor is (instrument or constraint, what it measures, whether its bias can be a state)
-//!                                                          │
-//! summary ─▶ faults, gates, NIS, NEES, gaps ───────────────┴──▶ findings, the first to look at first
+//! design ──▶ instruments: what each sensor measures, and whether its bias can be a state ──┐
+//! summary ─▶ faults, gates, NIS, NEES, gaps ──────────────────────────────────────────────┴──▶ facts
+//!
+//! facts ──▶ table of rules, causes first ──▶ findings, the first to look at first
 //! ```
 //!
 //! Each finding names its evidence in figures and the setting to change. Causes come before effects: a sensor that
@@ -18,6 +19,7 @@
 //! Source   Bar-Shalom, Li, Kirubarajan 2001, §5.4: the meaning of a mean NEES or NIS outside its band
 //! Not here proof of correctness: a run without findings proves nothing if its data do not excite the vehicle enough
 
+mod common;
 mod errors;
 mod facts;
 mod found;

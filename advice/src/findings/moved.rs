@@ -2,7 +2,7 @@
 
 use super::Finding;
 use super::facts::Facts;
-use super::instrument::{Instrument, Measures};
+use super::instrument::{Instrument, Measures, Reports};
 use crate::inspect::{Kind, reported_by_name};
 use fusion::config::Edit;
 use fusion::observe::{Excess, Moved};
@@ -10,19 +10,6 @@ use fusion_tables::{Unit, short};
 
 /// So many calibrations are named.
 const NAMED: usize = 3;
-
-/// The 1σ that a source may report, as the design declares it.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Reports {
-    /// The channel of the source that would report it.
-    pub(super) channel: String,
-    /// The numbers of that channel.
-    pub(super) width: usize,
-    /// Whether the source declares it.
-    pub(super) is_declared: bool,
-    /// The 1σ that the sensor has instead, as it is written.
-    pub(super) sigma: String,
-}
 
 impl Facts<'_> {
     /// Sensors that moved calibrations far while their innovations were too large, the worst first, but for those that are

@@ -1,4 +1,4 @@
-//! What the innovations of a sensor say of its noise, whatever the filter expects of its own estimate.
+//! The noise of a sensor by its innovations, independent of the errors that the filter expects of the estimate.
 //!
 //! ```text
 //! variance of innovations = variance of the predicted measurement + R ≥ R

@@ -674,7 +674,7 @@ fn is_covered(s: &SensorStatistics) -> bool {
     counts(s).is_some_and(|times| (1.0 / COVERED..COVERED).contains(&times))
 }
 
-/// White noise with the same information as the innovations, with its unit: of the row with the largest.
+/// White noise with the same information as the innovations of the row with the largest one, with its unit.
 fn as_white_noise(s: &SensorStatistics) -> Option<String> {
     let largest = white(s).reduce(f64::max).filter(|white| white.is_finite())?;
     let unit = Unit::of_si(s.innovations.unit.first()?);

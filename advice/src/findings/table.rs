@@ -128,7 +128,6 @@ fn one(finding: Option<Finding>) -> Vec<Finding> {
 const INPUT: &[&str] = &["wrong-input"];
 const JUDGED: &[Need] = &[Need::Start, Need::Reference];
 const LOGGED: &[Need] = &[Need::Start, Need::Reference, Need::Recorded, Need::NoCause];
-/// The rules that say more about the innovations of a sensor than their size.
 const REFUSED: &[&str] = &["reacquired", "gate-rejects"];
 const HEADINGS: &[&str] = &["heading-constant", "reference-heading", "heading-wrong"];
 

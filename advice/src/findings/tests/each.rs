@@ -113,7 +113,7 @@ impl Case {
         self.score().drift = sigmas.iter().map(drift).collect();
     }
 
-    /// Innovations of the receiver, of which so many of 2400 are independent.
+    /// 2400 innovations of the receiver, of which `independent` ones are independent.
     fn innovations(&mut self, nis: f64, lag_1: f64, independent: f64) {
         self.gnss().nis = Some(consistency(nis));
         self.gnss().innovations = Innovations {
