@@ -288,18 +288,8 @@ impl<'a> Search<'a> {
             );
             clocks.into_iter().for_each(|clock| keep(clock, -LEAST));
         }
-        let trials = self.each(
-            &far,
-            |(tried, ..)| tried.told(),
-            |(tried, start, declared)| self.alone(base, tried, start.clone(), Some(declared)),
-        );
-        for ((tried, Start { is, .. }, _), trial) in far.into_iter().zip(trials) {
-            let Some((start, estimate, gain)) = trial else { continue };
-            let is_other = is != Other::Value || tried.differs(&estimate);
-            if is_other && estimate.is_near() && gain.total >= FAR && gain.share >= SHARE {
-                let start = Start { is, ..start };
-                keep(Some(Cause::of(tried, start, estimate, gain)), LEAST);
-            }
+        for cause in self.of_far_starts(base, far) {
+            keep(Some(cause), LEAST);
         }
         if is_gross {
             let columns = self.columns();
@@ -307,6 +297,22 @@ impl<'a> Search<'a> {
             causes.into_iter().for_each(|cause| keep(cause, LEAST));
         }
         best
+    }
+
+    /// The causes that are found from starts far away: a parameter, the start, and the declared values.
+    fn of_far_starts(&self, base: &Course, far: Vec<(&Tried<'a>, Start, Vec<f64>)>) -> Vec<Cause<'a>> {
+        let trials = self.each(
+            &far,
+            |(tried, ..)| tried.told(),
+            |(tried, start, declared)| self.alone(base, tried, start.clone(), Some(declared)),
+        );
+        let causes = far.into_iter().zip(trials).filter_map(|((tried, Start { is, .. }, _), trial)| {
+            let (start, estimate, gain) = trial?;
+            let is_other = is != Other::Value || tried.differs(&estimate);
+            let is_told = is_other && estimate.is_near() && gain.total >= FAR && gain.share >= SHARE;
+            is_told.then(|| Cause::of(tried, Start { is, ..start }, estimate, gain))
+        });
+        causes.collect()
     }
 
     /// Sensors of one receiver share a delay. Each sensor alone would contradict the others.
