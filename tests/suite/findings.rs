@@ -49,7 +49,7 @@ const RECORDED: &[Case] = &[
         "base",
         &[
             ("heading_offset", "it may settle at a wrong angle"),
-            ("usbl", "larger than need be"),
+            ("usbl", "too large errors of its estimate"),
             ("usbl", "drift"),
         ],
     ),

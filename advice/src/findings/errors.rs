@@ -1,7 +1,10 @@
 //! Findings from the errors against the reference.
 
+use super::facts::Facts;
+use super::found::Found;
 use super::instrument::{Bias, Instrument, Measures, listed};
-use super::{CHECK, FAR, Finding, Judged, LARGE, is_large, ratio};
+use super::level::{is_more_than, level, sigmas};
+use super::{CHECK, FAR, Finding, LARGE, is_large, ratio};
 use fusion::config::Edit;
 use fusion::score::{Axes, Consistency, Drift, Offset, Score, Verdict};
 use fusion_tables::short;
@@ -18,17 +21,11 @@ const MOST_OF_HEADING: f64 = 0.8;
 const MOUNTED: f64 = 20.0;
 /// A heading with a larger RMS error is wrong for any use \[deg\].
 const WRONG_HEADING: f64 = 10.0;
-/// Above this share of the squared heading errors, most of the error comes from the reference. The share has to exceed
-/// it by two of its 1σ.
+/// Above this share of the squared heading errors, most of the error comes from the reference.
 const MOST_OF_ERRORS: f64 = 0.5;
 /// Above this scatter of the heading about the course \[deg\], the vehicle does not move where its nose points. It is
 /// half a radian: smaller angles can be added as numbers.
 const MOST_SLIP: f64 = 28.6;
-/// The probability that a consistent filter is reported as overconfident in its outages.
-const CHANCE: f64 = 0.02;
-/// The same probability for the largest error at the end of an outage. It is smaller, because noise with heavy tails
-/// reaches large errors sooner. For 1, 13, 100 outages the limits are 3.7, 4.4, 4.8σ.
-const CHANCE_OF_SIZE: f64 = 1e-3;
 /// A measurement that moves the estimate by more than this number of its 1σ is worth a look, in an outage that is
 /// certainly wrong. A measurement that alone determines the estimate does so by chance once in twenty times.
 const MOVED: f64 = 2.0;
@@ -46,37 +43,26 @@ const ALIKE: f64 = 0.5;
 const LEAST_OFFSET: f64 = 0.05;
 const LEAST_LATENCY: f64 = 0.01;
 
-impl Judged<'_> {
-    /// Findings about the errors. They may follow from `causes`, which are already reported.
-    pub(super) fn all_errors(&self, causes: &[String]) -> Vec<Finding> {
-        let Some(score) = self.summary.score() else { return Vec::new() };
-        let heading = self
-            .kept(constant_heading(score))
-            .or_else(|| self.kept(self.wrong_reference(score)))
-            .or_else(|| self.kept(self.wrong_heading(score)));
-        // A simulated truth belongs to the body origin and has no latency.
-        let offset = score.offset.as_ref().filter(|_| causes.is_empty() && self.is_recorded);
-        let latency = self.kept(offset.and_then(|offset| self.wrong_latency(offset)));
-        let late = if causes.is_empty() && latency.is_none() && self.is_recorded && self.applies("reference-late") {
+impl Facts<'_> {
+    /// Whether errors of a part of the solution are larger than the filter says.
+    pub(super) fn has_large_errors(&self) -> bool {
+        Measures::ALL.into_iter().filter_map(|what| self.nees(what)).any(is_large)
+    }
+
+    /// Errors of all parts of the solution. They may follow from the findings so far.
+    pub(super) fn all_errors(&self, found: &Found) -> Vec<Finding> {
+        let late = if found.has(&["reference-late"]) {
             self.late_reference()
         } else {
             Vec::new()
         };
-        let is_late = |what: Measures| late.iter().any(|(of, _)| *of == what);
-        // Wrong time stamps look like a lever arm.
-        let is_in_time = latency.is_none() && late.is_empty();
-        let arm = offset.filter(|_| is_in_time);
-        let arm = self.kept(arm.and_then(|offset| self.other_arm().or_else(|| wrong_arm(offset, self.point))));
         let errors = Measures::ALL.into_iter().filter_map(|what| {
-            let is_reference = latency.is_some() || is_late(what) || arm.is_some() && what == Measures::Position;
-            let own = [
-                is_reference.then(|| "the reference".to_owned()),
-                heading
-                    .as_ref()
-                    .filter(|_| what == Measures::Attitude)
-                    .map(|_| "the heading".to_owned()),
-            ];
-            let causes: Vec<String> = causes.iter().cloned().chain(own.into_iter().flatten()).collect();
+            let is_late = found.has(&["reference-latency"]) || late.iter().any(|(of, _)| *of == what);
+            let is_reference = is_late || what == Measures::Position && found.has(&["reference-arm"]);
+            let is_heading = what == Measures::Attitude && found.has(&["heading-constant", "reference-heading", "heading-wrong"]);
+            let own = [(is_reference, "the reference"), (is_heading, "the heading")];
+            let own = own.into_iter().filter(|(is_found, _)| *is_found).map(|(_, words)| words.to_owned());
+            let causes: Vec<String> = found.causes().iter().cloned().chain(own).collect();
             self.errors(what, &causes)
         });
         let mut errors = alike(errors.collect());
@@ -86,21 +72,7 @@ impl Judged<'_> {
             let check = format!("{BEGIN}{CHECK}, which tries latencies, lever arms, axes, scales and angles; if nothing is found wrong: ");
             first.advice = first.advice.replacen(TIMES, &format!("{TIMES}{check}"), 1);
         }
-        let outside = self.attitude_outside(score, causes, heading.is_some());
-        let outages = self
-            .kept(bold_outages(&score.drift))
-            .or_else(|| self.kept(far_outage(&score.drift)));
-        let known = heading
-            .into_iter()
-            .chain(latency)
-            .chain(late.into_iter().map(|(_, f)| f))
-            .chain(arm);
-        known
-            .chain(errors)
-            .chain(outside)
-            .chain(outages)
-            .filter(|finding| self.applies(&finding.rule))
-            .collect()
+        errors
     }
 
     /// Errors against the reference that do not agree with the covariance.
@@ -119,7 +91,7 @@ impl Judged<'_> {
             }
             Verdict::Overconfident if ratio(c) > LARGE => times() + &self.cause(what, c),
             // Other rows of a sensor do not show the slow error that makes the filter conservative.
-            Verdict::Conservative if self.summary.judge().source.is_some() => return None,
+            Verdict::Conservative if self.run.is_judged_by_its_sensor => return None,
             Verdict::Conservative if ratio(c) < TINY => format!(
                 "errors are only {} times the 1σ of the filter; the noises of its sensors or process are larger than need be",
                 short(c.error_ratio())
@@ -136,7 +108,7 @@ impl Judged<'_> {
 
     /// Why the filter is overconfident although no sensor disagrees: it may follow the error of a sensor.
     fn cause(&self, what: Measures, nees: &Consistency) -> String {
-        let axis = worst_axis(self.summary.score().and_then(|score| axes_of(score, what)));
+        let axis = worst_axis(self.run.score.and_then(|score| axes_of(score, what)));
         let told = self.measuring(what).filter(|(i, _)| axis.is_none_or(|k| i.axes[k]));
         let followed = told.filter(|(_, nis)| nis.verdict() == Some(Verdict::Conservative));
         let Some((sensor, nis)) = followed.min_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1))) else {
@@ -155,7 +127,7 @@ impl Judged<'_> {
                 "an error that lasts is left in the innovations of `{}`, and {} cannot change: give a `random_walk` (`fusion allan` measures \
                  it), or raise the noise of the process",
                 sensor.name,
-                listed(self.constant_biases)
+                listed(&self.constant_biases)
             );
         }
         let is_deaf = ratio(nis) < FOLLOWED && (sensor.bias.is_none() || ratio(nees) > FAR);
@@ -179,7 +151,7 @@ impl Judged<'_> {
         } else {
             ""
         };
-        let offset = self.summary.score().and_then(|score| score.offset.as_ref());
+        let offset = self.run.score.and_then(|score| score.offset.as_ref());
         // Position errors do not determine the offset of a velocity.
         let arm = offset.and_then(|offset| known_arm(offset, self.point)).map(|(_, arm)| arm);
         let other = match (what, arm) {
@@ -191,14 +163,16 @@ impl Judged<'_> {
     }
 
     /// A reference whose heading fits its own velocity less well than the estimated heading does.
-    fn wrong_reference(&self, score: &Score) -> Option<Finding> {
+    pub(super) fn wrong_reference(&self) -> Option<Finding> {
+        let score = self.run.score?;
         let (axes, course) = (score.attitude_deg.as_ref()?, score.course?);
         // A share above 1 cannot come from the reference: then the slip correlates with the errors, because the nose
         // does not follow the motion.
-        let is_share = course.share - 2.0 * course.share_sigma <= 1.0 && course.reference_deg < MOST_SLIP;
-        let is_worse = is_share && course.share - 2.0 * course.share_sigma > MOST_OF_ERRORS;
+        let least = course.share - sigmas(1) * course.share_sigma;
+        let is_share = least <= 1.0 && course.reference_deg < MOST_SLIP;
+        let is_worse = is_share && least > MOST_OF_ERRORS;
         let is_outside = Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
-        (self.is_recorded && is_outside && is_worse).then(|| Finding {
+        (is_outside && is_worse).then(|| Finding {
             about: "heading".to_owned(),
             evidence: format!(
                 "{:.0} % of the heading errors lie inside 3σ; about the course of the reference's own velocity its heading scatters by {}°, \
@@ -220,7 +194,8 @@ impl Judged<'_> {
 
     /// Attitude errors outside 3σ, if the mounting was removed and the run has no NEES. `tells_heading`: another
     /// finding is about the heading alone.
-    fn attitude_outside(&self, score: &Score, causes: &[String], tells_heading: bool) -> Option<Finding> {
+    pub(super) fn attitude_outside(&self, causes: &[String], tells_heading: bool) -> Option<Finding> {
+        let score = self.run.score?;
         let axes = score.attitude_deg.as_ref().filter(|_| score.nees_attitude.is_none())?;
         let is_outside = |k: &usize| Verdict::of_share(axes.inside[*k]) == Some(Verdict::Overconfident);
         let outside: Vec<usize> = (0..3).filter(is_outside).collect();
@@ -254,8 +229,15 @@ impl Judged<'_> {
         })
     }
 
+    /// Another point of the reference.
+    pub(super) fn wrong_arm(&self) -> Option<Finding> {
+        let offset = self.run.score?.offset.as_ref()?;
+        self.other_arm().or_else(|| offset_arm(offset, self.point))
+    }
+
     /// A latency that explains the position errors.
-    pub(super) fn wrong_latency(&self, offset: &Offset) -> Option<Finding> {
+    pub(super) fn wrong_latency(&self) -> Option<Finding> {
+        let offset = self.run.score?.offset.as_ref()?;
         let Offset {
             latency,
             latency_sigma,
@@ -299,12 +281,13 @@ impl Judged<'_> {
     }
 
     /// A heading that is certainly wrong, although its 1σ is small.
-    fn wrong_heading(&self, score: &Score) -> Option<Finding> {
+    pub(super) fn wrong_heading(&self) -> Option<Finding> {
+        let score = self.run.score?;
         let (axes, rms) = (score.attitude_deg.as_ref()?, score.heading_rmse_deg?);
         let is_told = rms > WRONG_HEADING && Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
         let median = score.spread.heading_deg.map_or(rms, |s| s.median);
         // Before its alignment the filter itself reports a wrong heading.
-        let own = self.summary.health().iter().find(|h| h.filter.is_empty());
+        let own = self.run.health;
         let aligned = own.and_then(|h| h.aligned).filter(|aligned| axes.max_time[2] < *aligned);
         let from = aligned.map(|aligned| Edit::set("reference.from", format!("\"{aligned:.1} s\"")));
         let advice = if let (Some(aligned), Some(from)) = (aligned, &from) {
@@ -388,7 +371,7 @@ fn alike(all: Vec<Finding>) -> Vec<Finding> {
 }
 
 /// A heading with a constant error.
-fn constant_heading(score: &Score) -> Option<Finding> {
+pub(super) fn constant_heading(score: &Score) -> Option<Finding> {
     let errors = score.attitude_deg.as_ref()?;
     let (mean, rms) = (errors.mean[2], errors.rms[2]);
     let is_told = mean.abs() > LEAST_HEADING && mean * mean > MOST_OF_HEADING * rms * rms;
@@ -433,7 +416,7 @@ fn metres(v: [f64; 3]) -> String {
 }
 
 /// A constant offset in body axes that explains the position errors.
-fn wrong_arm(offset: &Offset, point: [f64; 3]) -> Option<Finding> {
+fn offset_arm(offset: &Offset, point: [f64; 3]) -> Option<Finding> {
     let (off, arm) = known_arm(offset, point).filter(|_| offset.explained > MOST)?;
     Some(Finding {
         about: "reference".to_owned(),
@@ -454,17 +437,10 @@ fn wrong_arm(offset: &Offset, point: [f64; 3]) -> Option<Finding> {
 /// Outages with an end error above 3σ, if there are more of them than chance allows.
 pub(super) fn bold_outages(drift: &[Drift]) -> Option<Finding> {
     let ratios = drift.iter().map(Drift::end_ratio).filter(|ratio| ratio.is_finite());
-    let (all, bold) = ratios.fold((0_u32, 0_u32), |(all, bold), ratio| (all + 1, bold + u32::from(ratio > 3.0)));
-    // χ² of two degrees of freedom exceeds 9 with probability exp(−9/2). This is the probability of `bold` or more such
-    // outages:
-    let p = (-4.5_f64).exp();
-    let mut chance = 1.0;
-    let mut exactly = (1.0 - p).powi(i32::try_from(all).ok()?);
-    for k in 0..bold {
-        chance -= exactly;
-        exactly *= f64::from(all - k) / f64::from(k + 1) * p / (1.0 - p);
-    }
-    (bold > 0 && chance < CHANCE).then(|| Finding {
+    let (all, bold) = ratios.fold((0, 0), |(all, bold), ratio| (all + 1, bold + u64::from(ratio > 3.0)));
+    // χ² of two degrees of freedom exceeds 9 with probability exp(−9/2).
+    let is_improbable = is_more_than(bold, all, (-4.5_f64).exp(), 1);
+    is_improbable.then(|| Finding {
         about: "outages".to_owned(),
         evidence: format!("at the end of {bold} of {all} outages the error is more than 3σ of the filter"),
         advice: drifting(),
@@ -488,7 +464,7 @@ pub(super) fn far_outage(drift: &[Drift]) -> Option<Finding> {
             short(moved.sigmas)
         )
     });
-    (chance < CHANCE_OF_SIZE).then(|| Finding {
+    (chance < level(1)).then(|| Finding {
         about: "outages".to_owned(),
         evidence: format!(
             "at the end of the outage at {:.1} s the error is {} m, {} times the 1σ of the filter",

@@ -1,12 +1,11 @@
 //! The properties of a sensor that advice depends on. They come from its block, never from its name.
 
-use super::moved::Reports;
 use fusion::config::Node;
 use fusion::design::{Design, Named, SensorDesign};
 use fusion::run::FinalState;
 use fusion_models::block::Reading;
 use fusion_models::registry::{self, Role};
-use fusion_models::units::{Dimension, Dimensional, dim};
+use fusion_models::units::{Dimension, Dimensional, dim, range};
 
 /// A sensor of a design.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,10 +36,25 @@ pub(super) struct Instrument {
     pub(super) channels: &'static [&'static str],
     /// The other parameters of its block that may be wrong, fixed or estimated.
     pub(super) parameters: Vec<String>,
+    /// The declared 1σ of its rows \[SI\]; empty if its file reports it.
+    pub(super) noise: Vec<f64>,
     /// The key of its 1σ; `None` if its file reports it.
     pub(super) noise_key: Option<String>,
     /// The 1σ that its source may report; `None` if the sensor already uses it, or cannot use it.
     pub(super) reports: Option<Reports>,
+}
+
+/// The 1σ that a source may report, as the design declares it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Reports {
+    /// The channel of the source that would report it.
+    pub(super) channel: String,
+    /// The numbers of that channel.
+    pub(super) width: usize,
+    /// Whether the source declares it.
+    pub(super) is_declared: bool,
+    /// The 1σ that the sensor has instead, as it is written.
+    pub(super) sigma: String,
 }
 
 /// How a design declares the bias of a sensor.
@@ -140,6 +154,7 @@ impl Instrument {
                     &["sign", "unit"]
                 },
                 parameters: parameters(&own),
+                noise: declared_noise(sensor, &rows),
                 noise_key: noise_key(sensor),
                 reports: reports(design, sensor),
             }
@@ -240,6 +255,13 @@ pub(super) fn constant_biases(process: &Node) -> Vec<String> {
     };
     let parts = ["gyro", "accelerometer"].into_iter().filter(|part| is_constant(part));
     parts.map(|part| format!("`process.{part}.bias`")).collect()
+}
+
+/// The declared 1σ of each row of a sensor \[SI\]; empty if its rows report their own.
+fn declared_noise(sensor: &Named<SensorDesign>, rows: &[Dimension]) -> Vec<f64> {
+    let noise = &sensor.block.common.noise;
+    let sigma = noise.sigma.as_ref().filter(|_| !noise.from_source);
+    sigma.and_then(|sigma| sigma.si::<range::Positive>(rows).ok()).unwrap_or_default()
 }
 
 /// The key of the 1σ of a sensor, unless its rows report their own.

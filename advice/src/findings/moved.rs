@@ -1,7 +1,8 @@
 //! Calibrations that moved while innovations were too large.
 
-use super::instrument::{Instrument, Measures};
-use super::{Finding, Judged};
+use super::Finding;
+use super::facts::Facts;
+use super::instrument::{Instrument, Measures, Reports};
 use crate::inspect::{Kind, reported_by_name};
 use fusion::config::Edit;
 use fusion::observe::{Excess, Moved};
@@ -10,20 +11,7 @@ use fusion_tables::{Unit, short};
 /// So many calibrations are named.
 const NAMED: usize = 3;
 
-/// The 1σ that a source may report, as the design declares it.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Reports {
-    /// The channel of the source that would report it.
-    pub(super) channel: String,
-    /// The numbers of that channel.
-    pub(super) width: usize,
-    /// Whether the source declares it.
-    pub(super) is_declared: bool,
-    /// The 1σ that the sensor has instead, as it is written.
-    pub(super) sigma: String,
-}
-
-impl Judged<'_> {
+impl Facts<'_> {
     /// Sensors that moved calibrations far while their innovations were too large, the worst first, but for those that are
     /// `told` already: it is said with what else is wrong with them.
     pub(super) fn moved(&self, told: impl Fn(&str) -> bool) -> Vec<Finding> {
@@ -31,13 +19,13 @@ impl Judged<'_> {
         let mut all: Vec<(&Instrument, Excess)> = own.filter_map(|i| Some((i, self.excess(&i.name)?))).collect();
         all.sort_by(|a, b| ratio(&b.1).total_cmp(&ratio(&a.1)));
         let found = all.into_iter().map(|(i, excess)| self.moved_by(i, &excess));
-        found.filter(|f| self.applies(&f.rule)).collect()
+        found.collect()
     }
 
     /// The calibrations that a sensor moved, except those that a sensor with larger innovations moved at the same time. Where
     /// one sensor throws the estimate off, the others disagree with it.
     fn excess(&self, sensor: &str) -> Option<Excess> {
-        let all = self.summary.excesses();
+        let all = self.run.excesses;
         let own = all.iter().find(|e| e.sensor == sensor)?;
         let is_larger = |other: &&Excess| ratio(other) > ratio(own) && other.from < own.to && own.from < other.to;
         let mut own = own.clone();
@@ -97,7 +85,7 @@ impl Judged<'_> {
             is_declared,
             sigma,
         } = sensor.reports.as_ref()?;
-        let source = self.summary.sources().iter().find(|s| s.name == sensor.source)?;
+        let source = self.run.sources.iter().find(|s| s.name == sensor.source)?;
         let noise = Edit::set(
             format!("sensor.{}.noise", sensor.name),
             format!("{{ sigma = {sigma}, from_source = true }}"),

@@ -1,20 +1,22 @@
 //! Findings from the gates and innovations of a sensor.
 
 use super::errors::bold_outages;
+use super::facts::{Facts, JUDGE};
+use super::found::Found;
 use super::instrument::{Bias, Instrument, Measures, listed};
-use super::{CHECK, FAR, Finding, Judged, LARGE, is_large, ratio};
+use super::level::{is_large_mean, is_more_than, level, sigmas};
+use super::noise::{Excess, white};
+use super::{CHECK, FAR, Finding, LARGE, is_large, ratio};
 use fusion::config::Edit;
 use fusion::health::{Spell, State};
 use fusion::observe::{RejectionStreak, SensorStatistics};
-use fusion::run::{Detector, FaultWindow};
+use fusion::run::FaultWindow;
 use fusion::score::{Consistency, Score, Verdict};
 use fusion_tables::{Unit, short};
 
-/// Above this share of rejected measurements, a gate does more than remove outliers: a 99 % gate rejects 1 % of the
-/// good ones.
+/// The largest share of outliers of a sound sensor. A gate that rejects a larger share does more than remove outliers: a
+/// 99 % gate rejects 1 % of the good ones.
 const REJECTED: f64 = 0.05;
-/// Fewer measurements do not determine a share: of 20, one rejected is already 5 %.
-const FEW: u64 = 20;
 /// A mean statistic over its degrees of freedom below this is worth a change: errors are √0.5 = 0.71 times the 1σ.
 const SMALL: f64 = 0.5;
 /// A larger excess of the mean over its degrees of freedom is reported if a log has no reference: errors are 1.1 times
@@ -24,16 +26,10 @@ const SLIGHT: f64 = 0.2;
 /// `WHITE` they count as white.
 const LASTING: f64 = 0.5;
 const WHITE: f64 = 0.2;
-/// Fewer independent errors against the reference are not enough: with two, the band of a consistent mean spans 0.05 to
-/// 3.7.
-const JUDGE: f64 = 3.0;
 /// Fewer innovations cannot separate the two: 2/√n is then larger than the distance between them.
 const ENOUGH: u64 = 50;
-/// A mean innovation that differs from zero by more than this number of its 1σ is significant: among thousands of rows
-/// none does.
-const CERTAIN_MEAN: f64 = 4.0;
 /// Correlated innovations are overweighted by this factor or more: the 1σ of the estimated quantity is then √10 = 3
-/// times too small.
+/// times too small. By its inverse, measurements of a filter with known errors are underweighted enough to be worth a change.
 const COUNTED: f64 = 10.0;
 /// Between its inverse and this factor the declared noise already covers the correlation. A dozen independent innovations determine the
 /// factor to a factor of two, and the variance of a consistent filter is within [`LARGE`].
@@ -43,8 +39,6 @@ const COVERED: f64 = 2.0 * LARGE;
 const OUTSTANDING: f64 = 8.0;
 /// A constraint with a larger mean does not hold at all: innovations are √10 = 3 times their 1σ.
 const BROKEN: f64 = 10.0;
-/// This number of rejections in a row are no single outliers: at 5 % the probability is less than one in ten thousand.
-const STREAK: u64 = 4;
 /// A sensor disagrees before another one if it does so earlier by more than this \[s\]. A 1 Hz sensor needs a few
 /// measurements to show it.
 const LEAD: f64 = 2.0;
@@ -61,16 +55,34 @@ fn softer(sensor: &Instrument) -> String {
     format!("a gate that refuses good ones lets the estimate run away, which {position}a `loss` in its place does not")
 }
 
-impl Judged<'_> {
+impl Facts<'_> {
+    /// The findings of a rule about each sensor.
+    pub(super) fn of_each_sensor(&self, find: fn(&Self, &Instrument, &SensorStatistics) -> Option<Finding>) -> Vec<Finding> {
+        self.sensors().filter_map(|(i, s)| find(self, i, s)).collect()
+    }
+
+    /// The same for sensors whose innovations mean something. A small NIS means nothing for a sensor whose gate rejected
+    /// good measurements: only those that agree were counted.
+    pub(super) fn of_each_sensor_but(
+        &self,
+        found: &Found,
+        find: fn(&Self, &Instrument, &SensorStatistics) -> Option<Finding>,
+    ) -> Vec<Finding> {
+        let rest = self
+            .sensors()
+            .filter(|(i, _)| !found.is_about(&["innovations-repeat", "lost"], &i.name));
+        rest.filter_map(|(i, s)| find(self, i, s)).collect()
+    }
+
     /// Disturbed rows that the filter used while declared faults were active, if errors are too large.
     pub(super) fn disturbed(&self) -> Option<Finding> {
-        if !Measures::ALL.into_iter().filter_map(|what| self.nees(what)).any(is_large) {
+        if !self.has_large_errors() {
             return None;
         }
         let (mut used, mut faults) = (Vec::new(), Vec::new());
         for (sensor, s) in self.sensors() {
             let missed = s.disturbed.map_or(0, |d| d.missed);
-            let windows = self.summary.faults().iter();
+            let windows = self.run.faults.iter();
             let own: Vec<_> = windows.filter(|w| w.stream == sensor.source || w.stream == sensor.name).collect();
             if missed == 0 || own.is_empty() {
                 continue;
@@ -109,16 +121,13 @@ impl Judged<'_> {
         let told = gated.filter_map(|(i, s)| Some((disagrees_from(s), self.reacquired(i, s).or_else(|| self.rejected(i, s))?)));
         let mut told: Vec<(f64, Finding)> = told.collect();
         told.sort_by(|a, b| a.0.total_cmp(&b.0));
-        told.into_iter()
-            .map(|(_, finding)| finding)
-            .filter(|f| self.applies(&f.rule))
-            .collect()
+        told.into_iter().map(|(_, finding)| finding).collect()
     }
 
-    /// The filter was lost outside declared outages; this finding comes first. Also returns the sensor whose
-    /// measurements were rejected in a row at that time.
-    pub(super) fn lost(&self) -> Option<(Finding, Option<String>)> {
-        let own = self.summary.health().iter().find(|h| h.filter.is_empty())?;
+    /// The filter was lost outside declared outages; this finding comes first. It is about the sensor whose measurements
+    /// were rejected in a row at that time, if there is one.
+    pub(super) fn lost(&self) -> Option<Finding> {
+        let own = self.run.health?;
         // For a filter that was never good, another finding names what it waits for.
         let aligned = own.aligned?;
         let spells = own.spells();
@@ -146,9 +155,16 @@ impl Judged<'_> {
             ),
             None,
         );
-        let refused = self.sensors().filter_map(|(i, s)| Some((i, s.longest_rejection_streak?)));
+        // So many outliers in a row are improbable: one series can begin at every measurement.
+        let is_improbable = |s: &SensorStatistics, streak: &RejectionStreak| {
+            let chance = REJECTED.powf(streak.measurements as f64);
+            chance < level((s.accepted + s.rejected) as usize)
+        };
+        let refused = self
+            .sensors()
+            .filter_map(|(i, s)| Some((i, s.longest_rejection_streak.filter(|streak| is_improbable(s, streak))?)));
         let is_then = |streak: &RejectionStreak| streak.from < longest.to && streak.from + streak.seconds > longest.from;
-        let refused = refused.filter(|(_, streak)| streak.measurements >= STREAK && is_then(streak));
+        let refused = refused.filter(|(_, streak)| is_then(streak));
         let refused = refused.max_by_key(|(_, streak)| streak.measurements);
         if let Some((sensor, streak)) = refused {
             evidence += &format!(
@@ -166,17 +182,12 @@ impl Judged<'_> {
             evidence += &format!(": it began at {:.1} s with {}", begun.from, listed(&reasons));
         }
         let advice = advice.unwrap_or_else(|| "what is shown since then may be wrong: look at what it began with".to_owned());
-        let name = refused.map(|(sensor, _)| sensor.name.clone());
-        let about = name.clone().unwrap_or_else(|| "health".to_owned());
-        Some((
-            Finding {
-                about,
-                evidence,
-                advice,
-                ..Finding::of("lost")
-            },
-            name,
-        ))
+        Some(Finding {
+            about: refused.map_or_else(|| "health".to_owned(), |(sensor, _)| sensor.name.clone()),
+            evidence,
+            advice,
+            ..Finding::of("lost")
+        })
     }
 
     fn rejected(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
@@ -201,7 +212,7 @@ impl Judged<'_> {
     /// A sensor that was re-acquired against the estimate, if a large error follows or the run has no reference.
     fn reacquired(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let last_before = |at: f64| s.reacquired_at.iter().copied().rev().find(|t| (0.0..SOON).contains(&(at - t)));
-        let (time, error) = match self.summary.score() {
+        let (time, error) = match self.run.score {
             None => (*s.reacquired_at.first()?, String::new()),
             Some(score) => {
                 outstanding(score).find_map(|(at, error)| Some((last_before(at)?, format!("; {error} followed at {at:.1} s"))))?
@@ -210,12 +221,7 @@ impl Judged<'_> {
         let (refused, all) = refused_by_its_gate(s);
         // Only a declared fault shows that the sensor was wrong, not the estimate.
         let is_own = |w: &&FaultWindow| w.stream == sensor.source || w.stream == sensor.name;
-        let fault = self
-            .summary
-            .faults()
-            .iter()
-            .filter(is_own)
-            .find(|w| (w.from..=w.to).contains(&time));
+        let fault = self.run.faults.iter().filter(is_own).find(|w| (w.from..=w.to).contains(&time));
         let mut edits = Vec::new();
         let advice = match fault {
             Some(w) if sensor.has_recovery => {
@@ -366,7 +372,7 @@ impl Judged<'_> {
     /// detector finds rest.
     fn growth_between(&self, sensor: &Instrument) -> Option<String> {
         let is_stopping = sensor.is_constraint && sensor.measures == Some(Measures::Velocity) && !sensor.limits.is_empty();
-        (is_stopping && !self.growth.is_empty()).then(|| listed(self.growth).replace(" and ", " or "))
+        (is_stopping && !self.growth.is_empty()).then(|| listed(&self.growth).replace(" and ", " or "))
     }
 
     /// Whether each innovation of a sensor resembles the one before.
@@ -375,25 +381,12 @@ impl Judged<'_> {
         own.and_then(|(_, s)| lag_1(s)).is_some_and(|rho| rho > LASTING)
     }
 
-    /// Returns true if only the innovations can judge a sensor. Known errors judge better. A sensor that measures no
-    /// part of the solution may be slow on purpose.
-    fn is_judged_by_innovations(&self, sensor: &Instrument) -> bool {
-        // A few errors that last as long as the run are not enough to judge.
-        let judges = |c: &Consistency| c.independent >= JUDGE;
-        let is_judged = Measures::ALL.into_iter().any(|what| self.nees(what).is_some_and(judges));
-        !sensor.is_constraint && sensor.measures.is_some() && !is_judged
-    }
-
     /// Innovations of a log that are slightly larger than expected, but more than chance allows, if there is nothing
     /// better to judge by.
     pub(super) fn beyond_chance(&self) -> Option<Finding> {
-        let judged = self.sensors().filter(|(i, _)| self.is_recorded && self.is_judged_by_innovations(i));
+        let judged = self.sensors().filter(|(i, _)| self.is_judged_by_innovations(i));
         let nis = judged.filter_map(|(i, s)| Some((i, s.nis.as_ref()?)));
-        let is_told = |nis: &Consistency| {
-            let excess = ratio(nis) - 1.0;
-            // The band is 2σ of the mean: this limit is 3σ.
-            !is_large(nis) && excess > SLIGHT && excess > 1.5 * (nis.band.1 / nis.dof as f64 - 1.0)
-        };
+        let is_told = |nis: &Consistency| !is_large(nis) && ratio(nis) > 1.0 + SLIGHT && is_large_mean(nis, self.run.sensors.len());
         let (sensor, nis) = nis
             .filter(|(_, nis)| is_told(nis))
             .max_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1)))?;
@@ -412,9 +405,9 @@ impl Judged<'_> {
 
     /// A detector that never held in a run that failed.
     pub(super) fn never_held(&self) -> Option<Finding> {
-        let has_health = self.summary.health().iter().any(|h| h.filter.is_empty() && h.is_good());
+        let has_health = self.run.health.iter().any(|h| h.filter.is_empty() && h.is_good());
         // A summary of several runs does not count the rows of each consumer.
-        let had_no_row = |i: &&Instrument| match self.summary.consumers().iter().find(|c| c.name == i.name) {
+        let had_no_row = |i: &&Instrument| match self.run.consumers.iter().find(|c| c.name == i.name) {
             Some(consumer) => consumer.rows == 0,
             None => self.detector(i).is_some_and(|d| d.held == 0),
         };
@@ -435,17 +428,12 @@ impl Judged<'_> {
         })
     }
 
-    /// The detector that decides when a sensor holds.
-    fn detector(&self, sensor: &Instrument) -> Option<&Detector> {
-        self.summary.detectors().iter().find(|d| d.stage == sensor.source)
-    }
-
     /// Sensors whose measurements are overweighted, because each repeats the error of the one before; the most
     /// overweighted first. They explain errors only up to their own factor.
     pub(super) fn counted(&self) -> Vec<Finding> {
         let nees = || Measures::ALL.into_iter().filter_map(|what| self.nees(what));
         let largest = nees().filter(|c| is_large(c)).map(ratio).fold(COUNTED, f64::max);
-        let has_errors = nees().any(is_large) || self.summary.score().is_some_and(|score| bold_outages(&score.drift).is_some());
+        let has_errors = nees().any(is_large) || self.run.score.is_some_and(|score| bold_outages(&score.drift).is_some());
         let told = self.sensors().filter_map(|(i, s)| {
             let is_told = has_errors && !i.is_constraint && i.measures.is_some() || self.is_judged_by_innovations(i);
             let times = counts(s).filter(|times| is_told && *times > largest)?;
@@ -454,10 +442,7 @@ impl Judged<'_> {
         });
         let mut told: Vec<(f64, Finding)> = told.collect();
         told.sort_by(|a, b| b.0.total_cmp(&a.0));
-        told.into_iter()
-            .map(|(_, finding)| finding)
-            .filter(|f| self.applies(&f.rule))
-            .collect()
+        told.into_iter().map(|(_, finding)| finding).collect()
     }
 
     /// A sensor whose measurements each repeat the error of the one before.
@@ -487,54 +472,25 @@ impl Judged<'_> {
     }
 
     /// Innovations that are smaller than the filter expects. A small NIS alone says nothing of the noise: an error that
-    /// lasts needs a noise that covers its repetitions. So the noise is too large only if the innovations, with their
-    /// correlation, tell more than it says.
+    /// lasts needs a noise that covers its repetitions, and the expected error of the estimate may be too large.
     pub(super) fn small(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let nis = s.nis.as_ref()?;
         if !is_small(nis) || is_covered(s) {
             return None;
         }
-        let times = counts(s);
-        let is_wide = times.is_none_or(|times| times < 1.0 / COVERED);
         // If the errors are known and not too large, a designer may have covered an error that the innovations do not
-        // show. Only a noise that nothing explains is then reported.
+        // show, such as that of a detector. Only a noise that nothing explains is then reported.
         let is_refuted = sensor.measures.and_then(|what| self.nees(what)).is_some_and(is_large);
-        let is_far = !sensor.is_constraint && sensor.measures.is_some() && times.is_some_and(|times| times < 1.0 / FAR);
-        if !(self.is_judged_by_innovations(sensor) || is_far && !is_refuted) {
+        let excess = self.excess_of(sensor, s);
+        let is_wide = counts(s).is_none_or(|times| times < 1.0 / COVERED);
+        let most = if excess == Excess::Noise { COUNTED } else { FAR };
+        let is_far = counts(s).is_some_and(|times| times < 1.0 / most);
+        let is_told = !sensor.is_detected() && sensor.measures.is_some() && is_far && !is_refuted;
+        if !(self.is_judged_by_innovations(sensor) || is_told) {
             return None;
         }
-        let name = &sensor.name;
-        let slow = "its errors change slowly and the estimate follows them";
-        let state = match sensor.bias {
-            Some(Bias::Fixed) => "; then declare its `bias` as a state with a `correlation_time`",
-            _ => "",
-        };
-        let white = as_white_noise(s).zip(sensor.noise_key.as_ref());
-        let (much, edits) = match (self.reported(sensor), white) {
-            (Some((reported, edits)), _) => (format!("; {reported}"), edits),
-            (None, Some((white, key))) => (
-                format!("; with their correlation its innovations tell as much as a white `noise` of {white}"),
-                vec![Edit::set(key, format!("{white:?}"))],
-            ),
-            (None, None) => (String::new(), Vec::new()),
-        };
-        let lag_1 = lag_1(s);
-        let advice = match lag_1 {
-            Some(rho) if rho > LASTING && !(is_wide && times.is_some()) => format!("{slow}{state}"),
-            _ if let Some(mean) = lasting_mean(s) => format!(
-                "{mean}, so an error that lasts is among them, which a smaller `noise` would only follow: first {}",
-                self.look_for_constant(sensor)
-            ),
-            _ if !is_wide => format!("{slow}{state}"),
-            Some(rho) if rho < WHITE && self.is_recorded => format!(
-                "its `noise`, or that of the process, is larger than need be; a constant error that the estimate has taken over does not \
-                 show in innovations, so before you lower it {}{much}",
-                self.look_for_constant(sensor)
-            ),
-            Some(rho) if rho < WHITE => format!("its `noise`, or that of the process, is larger than need be{much}"),
-            _ => format!("its `noise`, or that of the process, is larger than need be, or {slow}{state}{much}"),
-        };
-        let edits = if advice.ends_with(&much) { edits } else { Vec::new() };
+        let (name, lag_1) = (&sensor.name, lag_1(s));
+        let (advice, edits) = self.why_small(sensor, s, excess, is_wide);
         let correlated = lag_1.map_or_else(String::new, |rho| format!(", lag-1 autocorrelation {rho:.2}"));
         Some(Finding {
             about: name.clone(),
@@ -543,6 +499,95 @@ impl Judged<'_> {
             edits,
             ..Finding::of("nis-small")
         })
+    }
+
+    /// The advice for a small NIS. Only if the facts separate the noise from all other causes, it has edits.
+    fn why_small(&self, sensor: &Instrument, s: &SensorStatistics, excess: Excess, is_wide: bool) -> (String, Vec<Edit>) {
+        let slow = match sensor.bias {
+            Some(Bias::Fixed) => {
+                "its errors change slowly and the estimate follows them; then declare its `bias` as a state with a `correlation_time`"
+            }
+            _ => "its errors change slowly and the estimate follows them",
+        };
+        let lag_1 = lag_1(s);
+        let is_lasting = lag_1.is_some_and(|rho| rho > LASTING);
+        if is_lasting && !(is_wide && counts(s).is_some()) {
+            return (slow.to_owned(), Vec::new());
+        }
+        if let Some(mean) = self.lasting_mean(s) {
+            let look = self.look_for_constant(sensor);
+            let advice = format!("{mean}, so an error that lasts is among them, which a smaller `noise` would only follow: first {look}");
+            return (advice, Vec::new());
+        }
+        if !is_wide {
+            return (slow.to_owned(), Vec::new());
+        }
+        let (much, edits) = Self::smaller_noise(sensor, s);
+        let hidden = if self.has_judge(sensor) {
+            String::new()
+        } else {
+            let look = self.look_for_constant(sensor);
+            format!("; a constant error that the estimate has taken over does not show in innovations, so before you lower it {look}")
+        };
+        match excess {
+            Excess::Estimate => (self.wide_estimate(), Vec::new()),
+            Excess::Noise if hidden.is_empty() => (format!("its `noise` is too large, even for an exact estimate{much}"), edits),
+            Excess::Noise => {
+                let advice = format!("its `noise` is larger than need be, even for an exact estimate{hidden}{much}");
+                (advice, Vec::new())
+            }
+            Excess::Unknown => {
+                let is_white = lag_1.is_some_and(|rho| rho < WHITE);
+                let also = if is_white { String::new() } else { format!(", or {slow}") };
+                let advice = format!("its `noise`, or that of the process, is larger than need be{also}{hidden}{much}");
+                (advice, Vec::new())
+            }
+        }
+    }
+
+    /// The advice if the filter expects too large errors of its estimate.
+    fn wide_estimate(&self) -> String {
+        let growth = match self.growth.as_slice() {
+            [] => String::new(),
+            growth => format!(" ({})", listed(growth).replace(" and ", " or ")),
+        };
+        format!(
+            "its innovations, with their correlation, need all of its `noise`, so the filter expects too large errors of its estimate: look \
+             at the noises of the process{growth}, the `random_walk` of its states, and the initial σ; leave `noise`"
+        )
+    }
+
+    /// Whether a constant error of a sensor would show: rows are simulated, or the errors of the part that it measures are
+    /// known and not too large.
+    fn has_judge(&self, sensor: &Instrument) -> bool {
+        let nees = sensor.measures.and_then(|what| self.nees(what));
+        !self.is_recorded || nees.is_some_and(|nees| nees.independent >= JUDGE && !is_large(nees))
+    }
+
+    /// A smaller noise, in words, and the edit that declares it. The 1σ that a file reports would be added to the noise.
+    fn smaller_noise(sensor: &Instrument, s: &SensorStatistics) -> (String, Vec<Edit>) {
+        let Some((white, key)) = as_white_noise(s).zip(sensor.noise_key.as_ref()) else {
+            return Default::default();
+        };
+        let words = format!("; with their correlation its innovations tell as much as a white `noise` of {white}");
+        (words, vec![Edit::set(key, format!("{white:?}"))])
+    }
+
+    /// A significant mean innovation, in words: the row whose mean is furthest from zero in its 1σ.
+    fn lasting_mean(&self, s: &SensorStatistics) -> Option<String> {
+        let own = &s.innovations;
+        let tests = self.run.sensors.iter().map(|s| s.innovations.mean.len()).sum();
+        let rows = own.mean.iter().zip(&own.mean_sigmas).zip(&own.unit).enumerate();
+        let most = rows.max_by(|a, b| a.1.0.1.abs().total_cmp(&b.1.0.1.abs()));
+        let (row, ((mean, far), unit)) = most.filter(|(_, ((_, far), _))| far.abs() > sigmas(tests) && own.count >= ENOUGH)?;
+        let unit = Unit::of_si(unit);
+        let axis = own.axis.get(row).map_or_else(String::new, |axis| format!(" ({axis})"));
+        Some(format!(
+            "their mean{axis} is {} {}, {:.1} times its own 1σ",
+            short(unit.of(*mean)),
+            unit.symbol(),
+            far.abs()
+        ))
     }
 
     /// Innovations with the expected size that are not independent of each other.
@@ -586,7 +631,7 @@ fn refused_by_its_gate(s: &SensorStatistics) -> (u64, u64) {
 pub(super) fn rejected_share(s: &SensorStatistics) -> Option<f64> {
     let (good, all) = refused_by_its_gate(s);
     let share = good as f64 / all as f64;
-    (all >= FEW && share > REJECTED).then_some(share)
+    is_more_than(good, all, REJECTED, 1).then_some(share)
 }
 
 /// The time and text of errors that are much larger than the others of a run.
@@ -629,35 +674,11 @@ fn is_covered(s: &SensorStatistics) -> bool {
     counts(s).is_some_and(|times| (1.0 / COVERED..COVERED).contains(&times))
 }
 
-/// White noise with the same information as the innovations, with its unit: its density equals that of the error at low
-/// frequencies, its variance times τ.
+/// White noise with the same information as the innovations of the row with the largest one, with its unit.
 fn as_white_noise(s: &SensorStatistics) -> Option<String> {
-    let own = &s.innovations;
-    let white = own.rms.iter().zip(&own.independent);
-    let white = white
-        .map(|(rms, n)| rms * (own.count as f64 / n).sqrt())
-        .reduce(f64::max)
-        .filter(|white| white.is_finite())?;
-    let unit = Unit::of_si(own.unit.first()?);
-    Some(format!("{} {}", short(unit.of(white)), unit.symbol()))
-}
-
-/// A significant mean innovation, in words: the row whose mean is furthest from zero in its 1σ.
-fn lasting_mean(s: &SensorStatistics) -> Option<String> {
-    let own = &s.innovations;
-    let rows = own.mean.iter().zip(&own.mean_sigmas).zip(&own.unit).enumerate();
-    let most = rows.max_by(|a, b| a.1.0.1.abs().total_cmp(&b.1.0.1.abs()));
-    let (row, ((mean, sigmas), unit)) = most.filter(|(_, ((_, sigmas), _))| sigmas.abs() > CERTAIN_MEAN && own.count >= ENOUGH)?;
-    let (unit, axis) = (
-        Unit::of_si(unit),
-        own.axis.get(row).map_or_else(String::new, |axis| format!(" ({axis})")),
-    );
-    Some(format!(
-        "their mean{axis} is {} {}, {:.1} times its own 1σ",
-        short(unit.of(*mean)),
-        unit.symbol(),
-        sigmas.abs()
-    ))
+    let largest = white(s).reduce(f64::max).filter(|white| white.is_finite())?;
+    let unit = Unit::of_si(s.innovations.unit.first()?);
+    Some(format!("{} {}", short(unit.of(largest)), unit.symbol()))
 }
 
 /// Returns true if innovations are smaller than expected by enough to need a change.

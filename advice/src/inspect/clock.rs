@@ -48,6 +48,17 @@ pub enum Origin {
     Unix,
 }
 
+impl Origin {
+    /// Its name in a design.
+    pub(super) const fn name(self) -> Option<&'static str> {
+        match self {
+            Self::Unknown => None,
+            Self::Gps => Some("gps"),
+            Self::Unix => Some("unix"),
+        }
+    }
+}
+
 /// A week of GPS.
 const WEEK: f64 = 604_800.0;
 

@@ -300,7 +300,7 @@ impl Inspection {
         }
         let has = |kind| self.logs.iter().any(|log| log.has(kind));
         let is_inertial = has(SpecificForce) && has(AngularRate);
-        if !(is_inertial || has(Euler) || has(Kind::Speed)) {
+        if !(is_inertial || has(Euler) || has(Kind::Speed) || has(Kind::Wheels)) {
             all.push("what drives a filter: angular rates with specific forces, an attitude, or a speed".to_owned());
         }
         if self.position.is_none() {

@@ -81,7 +81,7 @@ impl Kind {
             Self::MagneticField => "nothing here needs it",
             Self::Heading => "it does not follow the course, or nothing here needs it",
             Self::Quaternion | Self::Euler => "the estimate of another filter is no measurement",
-            Self::Wheels => "an odometer takes one speed: add a column with the mean of both",
+            Self::Wheels => "a column has the speed itself, or no positions give the radius of the wheels",
             Self::Pressure => "a barometer needs an inertial unit with positions that have a height, and air",
             Self::PositionSigma | Self::VelocitySigma => "rows lack it, the slow error in it is a state, or nothing here needs it",
             Self::Depth => "the positions have one",
@@ -127,7 +127,7 @@ impl Signal {
     }
 
     /// Whether the columns hold the squares of a 1σ.
-    fn is_variance(&self) -> bool {
+    pub(super) fn is_variance(&self) -> bool {
         matches!(self.kind, Kind::PositionSigma | Kind::VelocitySigma) && self.unit.ends_with("^2")
     }
 
@@ -318,7 +318,7 @@ impl Reported {
 }
 
 /// The unit of columns that report a 1σ, and whether they hold its square.
-pub(super) fn of_unit(unit: &str) -> String {
+fn of_unit(unit: &str) -> String {
     let variance = if unit.ends_with("^2") { ", variance = true" } else { "" };
     format!(", unit = \"{unit}\"{variance}")
 }

@@ -12,6 +12,7 @@ mod stamps;
 mod text;
 mod values;
 mod water;
+mod wheels;
 
 /// A table of columns by name.
 fn table(columns: &[(&str, &dyn Fn(f64) -> f64)], rows: usize, rate: f64) -> Table {

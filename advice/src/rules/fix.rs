@@ -86,7 +86,7 @@ fn child<'a>(item: &'a Item, key: &str) -> Option<&'a Item> {
 
 /// Sets a value below a table, which is written inline or not. Tables that are missing on the path get the form of
 /// the table around them.
-fn set(table: &mut dyn TableLike, is_inline: bool, keys: &[&str], value: Value) -> Result<(), String> {
+pub(crate) fn set(table: &mut dyn TableLike, is_inline: bool, keys: &[&str], value: Value) -> Result<(), String> {
     let [key, rest @ ..] = keys else { return Ok(()) };
     if rest.is_empty() {
         match table.get_mut(key) {

@@ -6,6 +6,7 @@
 
 mod fix;
 
+pub(crate) use fix::set;
 pub use fix::{Fixed, fix};
 
 use fusion::run::Rule;

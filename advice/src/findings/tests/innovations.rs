@@ -73,42 +73,70 @@ fn what_each_innovation_has_of_the_one_before_tells_noise_from_an_error_that_las
     assert!(found(instrument(Some(Bias::Fixed)), s, Some(3.0)).is_empty());
 }
 
+/// Innovations of a velocity with this declared noise \[m/s\].
+fn velocity(declared: f64, ratio: f64, lag_1: f64, (count, independent): (u64, f64), nees: Option<f64>) -> Vec<Finding> {
+    let mut s = sensor(3.0 * ratio);
+    s.innovations = fusion::observe::Innovations {
+        count,
+        lag_1: vec![lag_1; 3],
+        rms: vec![0.05; 3],
+        unit: vec!["m/s".to_owned(); 3],
+        mean: vec![0.0; 3],
+        mean_sigmas: vec![0.0; 3],
+        independent: vec![independent; 3],
+        ..fusion::observe::Innovations::default()
+    };
+    let summary = Summary::default().with(vec![s]).with(nees.map(|mean| Score {
+        nees_position: Some(consistency(mean)),
+        ..Score::default()
+    }));
+    let own = Instrument {
+        noise: vec![declared; 3],
+        ..instrument(None)
+    };
+    judged(&[own], &summary).findings()
+}
+
 /// The innovations of the velocity of two recorded cars, declared as in their designs, then ten and a hundred times
-/// larger: the count, the independent ones, NIS over its degrees of freedom, and lag 1. NEES of the velocity is 4.0 and 2.9 of 3.
+/// larger: the noise, NIS over its degrees of freedom, lag 1, the count and the independent ones. NEES of the velocity is
+/// 4.0 and 2.9 of 3.
 #[test]
 fn a_noise_is_called_too_large_only_if_innovations_with_their_correlation_tell_more() {
-    let of = |ratio: f64, lag_1: f64, count: u64, independent: f64, nees: Option<f64>| {
-        let mut s = sensor(3.0 * ratio);
-        s.innovations = fusion::observe::Innovations {
-            count,
-            lag_1: vec![lag_1; 3],
-            rms: vec![0.05; 3],
-            unit: vec!["m/s".to_owned(); 3],
-            mean: vec![0.0; 3],
-            mean_sigmas: vec![0.0; 3],
-            independent: vec![independent; 3],
-            ..fusion::observe::Innovations::default()
-        };
-        found(instrument(None), s, nees).join("\n")
-    };
     for judged in [None, Some(2.9)] {
         // As declared: 2397 innovations tell as much as 293, so that the noise covers them.
-        assert_eq!(of(0.2572, 0.23, 2397, 293.0, judged), "");
-        assert_eq!(of(0.334, 0.71, 459, 80.0, judged), "");
-        // Ten times on the second car, a hundred times on the first one: 0.05 m/s √(460 / 61) and √(2402 / 166).
-        assert!(of(0.0025, 0.70, 460, 61.0, judged).ends_with("a white `noise` of 0.1373 m/s"));
-        let wide = of(4.2e-5, 0.50, 2402, 166.0, judged);
-        assert!(
-            wide.contains("larger than need be") && wide.ends_with("a white `noise` of 0.1902 m/s"),
-            "{wide}"
-        );
+        assert_eq!(velocity(0.07, 0.2572, 0.23, (2397, 293.0), judged), []);
+        assert_eq!(velocity(0.1, 0.334, 0.71, (459, 80.0), judged), []);
+        // Ten times on both cars: 0.05 m/s √(460 / 61) and √(2402 / 164). A hundred times on the first car.
+        for (declared, ratio, own, white) in [
+            (1.0, 0.0025, (460, 61.0), "0.1373 m/s"),
+            (0.7, 0.0041, (2402, 164.0), "0.1914 m/s"),
+            (7.0, 4.2e-5, (2402, 166.0), "0.1902 m/s"),
+        ] {
+            let found = velocity(declared, ratio, 0.5, own, judged);
+            let advice = found[0].advice.as_str();
+            assert!(advice.contains("even for an exact estimate") && advice.ends_with(white), "{advice}");
+            // Without a reference, a constant error may be the reason for the noise: a decision, not an edit.
+            let edits = judged.map(|_| Edit::set("sensor.gnss.noise", format!("\"{white}\"")));
+            assert_eq!(found[0].edits, Vec::from_iter(edits));
+        }
     }
-    // Ten times on the first car: a reference shows that its velocity is consistent, and nothing is reported.
-    assert!(of(0.0041, 0.50, 2402, 164.0, None).contains("larger than need be"));
-    assert_eq!(of(0.0041, 0.50, 2402, 164.0, Some(2.9)), "");
     // If errors are too large, the noise must not be lowered.
-    let refuted = of(4.2e-5, 0.50, 2402, 166.0, Some(12.0));
-    assert!(!refuted.contains("larger than need be"), "{refuted}");
+    let refuted = velocity(7.0, 4.2e-5, 0.5, (2402, 166.0), Some(12.0));
+    assert!(refuted.iter().all(|found| !found.advice.contains("too large,")), "{refuted:?}");
+}
+
+/// The accelerometer noise of a recorded car a hundred times too large: NIS of the velocity is 0.025 of 3.
+#[test]
+fn a_noise_that_the_innovations_need_is_not_blamed_for_a_small_nis() {
+    // 0.05 m/s √(2470 / 165) is 0.19 m/s, more than the noise.
+    let found = velocity(0.07, 0.0084, 0.35, (2470, 165.0), None);
+    assert!(
+        found[0].rule == "nis-small" && found[0].advice.contains("too large errors of its estimate") && found[0].edits.is_empty(),
+        "{found:?}"
+    );
+    // Too few to decide: six innovations of 0.6 times the 1σ.
+    let few = velocity(0.12, 0.2, 0.5, (60, 30.0), None);
+    assert!(few.iter().all(|found| found.edits.is_empty()), "{few:?}");
 }
 
 #[test]
@@ -137,8 +165,8 @@ fn where_a_vehicle_stands_still_the_growth_between_two_stops_is_too_small() {
             ..instrument(None)
         };
         let summary = Summary::default().with(vec![sensor(nis)]);
-        let judged = Judged {
-            growth,
+        let judged = Facts {
+            growth: growth.to_vec(),
             ..judged(std::slice::from_ref(&constraint), &summary)
         };
         judged.findings()[0].advice.clone()

@@ -1,4 +1,5 @@
 mod advice;
+mod each;
 mod innovations;
 mod moved;
 mod outages;
@@ -6,13 +7,15 @@ mod reference;
 mod suspects;
 
 use super::errors::{bold_outages, far_outage};
-use super::instrument::Bias;
+use super::facts::Run;
+use super::instrument::{self, Bias, Instrument, Measures};
+use super::stamps::Stamps;
 use super::*;
-use fusion::observe::{ConsumerCounts, Disturbed};
-use fusion::run::{Counts, FaultWindow, JudgedBy, Start};
-use fusion::score::{Axes, Drift, Moved};
+use fusion::config::Edit;
+use fusion::observe::{ConsumerCounts, Disturbed, SensorStatistics};
+use fusion::run::{Counts, FaultWindow, FinalState, JudgedBy, Start};
+use fusion::score::{Axes, Drift, Moved, Score};
 use fusion_core::time::Time;
-use std::sync::LazyLock;
 
 fn consistency(mean: f64) -> Consistency {
     Consistency {
@@ -39,6 +42,7 @@ fn instrument(bias: Option<Bias>) -> Instrument {
         leader: None,
         channels: &["axes", "signs", "units"],
         parameters: vec!["lever_arm".to_owned()],
+        noise: Vec::new(),
         noise_key: Some("sensor.gnss.noise".to_owned()),
         reports: None,
     }
@@ -53,30 +57,30 @@ fn sensor(nis: f64) -> SensorStatistics {
     }
 }
 
-/// Nothing in common with the reference.
-pub(super) static NO_STAMPS: Stamps = Stamps {
-    common: Vec::new(),
-    of_position: Vec::new(),
-    input: None,
-};
-
-static NONE_IGNORED: LazyLock<Ignored> = LazyLock::new(Ignored::default);
-
 /// A recorded run.
-fn judged<'a>(instruments: &'a [Instrument], summary: &'a Summary) -> Judged<'a> {
-    Judged {
-        instruments,
-        summary,
+fn judged<'a>(instruments: &[Instrument], summary: &'a Summary) -> Facts<'a> {
+    let run = Run::of(summary);
+    Facts {
+        run: Run {
+            started: run.started.or(Some(0.0)),
+            ..run
+        },
+        instruments: instruments.to_vec(),
         is_recorded: true,
         point: [0.0; 3],
         is_exact: [false; 3],
         linearises_once: true,
         is_invariant: false,
-        stamps: &NO_STAMPS,
-        constant_biases: &[],
+        stamps: Stamps::default(),
+        constant_biases: Vec::new(),
         restart_after: None,
-        growth: &[],
-        ignored: &NONE_IGNORED,
+        growth: Vec::new(),
+    }
+}
+
+impl Facts<'_> {
+    fn findings(&self) -> Vec<Finding> {
+        super::table::apply(self, &Ignored::default())
     }
 }
 
@@ -133,7 +137,7 @@ fn a_judge_of_the_same_receiver_shows_no_noise_that_is_too_large() {
                 nees_position: Some(consistency(0.3)),
                 ..Score::default()
             });
-        let judged = Judged {
+        let judged = Facts {
             linearises_once: false,
             ..judged(&[], &summary)
         };
@@ -154,7 +158,7 @@ fn a_start_without_a_heading_is_told_where_nothing_shows_that_it_was_found() {
                 nees_attitude: Some(consistency(mean)),
                 ..Score::default()
             }));
-        let judged = Judged {
+        let judged = Facts {
             linearises_once,
             ..judged(&[], &summary)
         };
@@ -296,7 +300,7 @@ fn of_a_log_what_can_be_found_out_is_told_before_a_guess_and_once() {
             })
             .with(vec![sensor(1.2)]);
         let instruments = [instrument(Some(Bias::Fixed))];
-        let judged = Judged {
+        let judged = Facts {
             is_recorded,
             ..judged(&instruments, &summary)
         };

@@ -1,6 +1,6 @@
 //! Findings about calibrations that moved while innovations were too large.
 
-use super::super::moved::Reports;
+use super::super::instrument::Reports;
 use super::*;
 use fusion::observe::{Excess, Moved};
 use fusion::rows::SourceReport;

@@ -55,24 +55,26 @@ fn a_heading_that_is_wrong_beyond_doubt_is_told_whatever_the_reference_knows_of_
     assert!(!of(3.0, 0.5));
 }
 
+/// The findings of a run with this offset of the reference and this NEES of the position.
+fn by_offset(offset: Offset, nees: f64) -> String {
+    let summary = Summary::default().with(Score {
+        nees_position: Some(consistency(nees)),
+        offset: Some(offset),
+        ..Score::default()
+    });
+    let all = judged(&[], &summary).findings();
+    all.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
+
 #[test]
-fn a_latency_and_an_offset_are_told_with_their_figures() {
-    let of = |offset: Offset, nees: f64| {
-        let summary = Summary::default().with(Score {
-            nees_position: Some(consistency(nees)),
-            offset: Some(offset),
-            ..Score::default()
-        });
-        let all = judged(&[], &summary).findings();
-        all.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
-    };
+fn a_latency_is_told_with_its_figures() {
     let late = Offset {
         latency: 1.0,
         latency_sigma: 0.01,
         latency_explained: 0.98,
         ..Offset::default()
     };
-    let told = of(late, 59.0);
+    let told = by_offset(late, 59.0);
     assert!(
         told.starts_with("position error is explained to 98 % by a reference that is late by 1.00 s"),
         "{told}"
@@ -81,13 +83,13 @@ fn a_latency_and_an_offset_are_told_with_their_figures() {
         told.contains("`latency = \"1.00 s\"`") && told.ends_with("what is said of the reference"),
         "{told}"
     );
-    let early = of(Offset { latency: -0.18, ..late }, 59.0);
+    let early = by_offset(Offset { latency: -0.18, ..late }, 59.0);
     assert!(
         early.contains("the sensors of position are later than their `time_offset` says, by 0.18 s"),
         "{early}"
     );
     assert_eq!(
-        of(
+        by_offset(
             Offset {
                 latency_sigma: 0.3,
                 ..late
@@ -96,6 +98,10 @@ fn a_latency_and_an_offset_are_told_with_their_figures() {
         ),
         ""
     );
+}
+
+#[test]
+fn an_offset_of_the_reference_is_told_with_its_figures() {
     let arm = Offset {
         body: [-1.25, -0.004, -20.0],
         sigma: [0.07, 0.04, 5.0],
@@ -104,11 +110,11 @@ fn a_latency_and_an_offset_are_told_with_their_figures() {
         halves: [[-1.2, 0.0, 9.0], [-1.3, 0.0, -20.0]],
         ..Offset::default()
     };
-    assert!(of(arm, 3.0).contains("give `reference.lever_arm = [1.25, 0.00, 0.00]`"));
+    assert!(by_offset(arm, 3.0).contains("give `reference.lever_arm = [1.25, 0.00, 0.00]`"));
     // An undetermined axis is ignored, and a millimetre is not reported.
     for body in [[0.01, 0.0, -60.0], [0.0; 3]] {
         assert_eq!(
-            of(
+            by_offset(
                 Offset {
                     body,
                     sigma: [0.001, 0.04, 5.0],
@@ -127,20 +133,20 @@ fn a_latency_and_an_offset_are_told_with_their_figures() {
         halves: [[-1.2, 0.0, -1.8], [-1.3, 0.0, -2.0]],
         ..arm
     };
-    assert!(of(level, 3.0).contains("`reference.lever_arm = [1.25, 0.00, 0.00]`"));
+    assert!(by_offset(level, 3.0).contains("`reference.lever_arm = [1.25, 0.00, 0.00]`"));
     let tilted = Offset {
         own: [0.5, 0.0, 0.1],
         ..level
     };
-    assert!(of(tilted, 3.0).contains("`reference.lever_arm = [1.25, 0.00, 1.90]`"));
+    assert!(by_offset(tilted, 3.0).contains("`reference.lever_arm = [1.25, 0.00, 1.90]`"));
     // Slow errors fit another arm in each half.
     let wanders = Offset {
         halves: [[-0.3, 0.0, 0.0], [-2.1, 0.0, 0.0]],
         ..arm
     };
-    assert_eq!(of(wanders, 3.0), "");
+    assert_eq!(by_offset(wanders, 3.0), "");
     // A determined arm that explains only a part: named as one of the causes.
-    let part = of(Offset { explained: 0.4, ..arm }, 30.0);
+    let part = by_offset(Offset { explained: 0.4, ..arm }, 30.0);
     assert!(
         !part.contains("is explained") && part.contains("the position errors fit `lever_arm = [1.25, 0.00, 0.00]`"),
         "{part}"
@@ -272,8 +278,8 @@ fn a_reference_of_the_instrument_of_a_sensor_is_as_late() {
                 ..Score::default()
             });
         let instruments = [instrument(None)];
-        let judged = Judged {
-            stamps: &stamps,
+        let judged = Facts {
+            stamps: stamps.clone(),
             ..judged(&instruments, &summary)
         };
         let all = judged.findings();
@@ -333,8 +339,8 @@ fn positions_that_are_all_early_are_those_of_a_late_input() {
             }),
             ..Score::default()
         });
-        let judged = Judged {
-            stamps: &stamps,
+        let judged = Facts {
+            stamps: stamps.clone(),
             ..judged(&[], &summary)
         };
         let all = judged.findings();
@@ -368,8 +374,8 @@ fn a_reference_of_the_instrument_of_a_sensor_is_of_one_point_with_it() {
             offset: Some(Offset::default()),
             ..Score::default()
         });
-        let judged = Judged {
-            stamps: &stamps,
+        let judged = Facts {
+            stamps: stamps.clone(),
             point,
             ..judged(&[], &summary)
         };
@@ -379,8 +385,9 @@ fn a_reference_of_the_instrument_of_a_sensor_is_of_one_point_with_it() {
             .any(|f| f.advice.contains("`reference.lever_arm = [0.024, -0.011, 0.000]`"))
     };
     let arm = [0.024, -0.011, 0.0];
-    assert!(of(arm, 0.012, [0.0, -0.05, 0.0]));
-    assert!(!of(arm, 0.02, [0.0, -0.05, 0.0]), "within 3σ");
+    // 0.039 m is 3.9σ and 2σ; one of three axes is beyond 3.6σ with a probability of 0.1 %.
+    assert!(of(arm, 0.01, [0.0, -0.05, 0.0]));
+    assert!(!of(arm, 0.02, [0.0, -0.05, 0.0]), "by chance");
     assert!(!of(arm, 0.001, [0.014, -0.011, 0.0]), "a centimetre");
 }
 

@@ -131,7 +131,7 @@ fn a_constraint_that_fails_by_far_accuses_the_input_and_its_detector() {
             limits: vec!["`stage.standing.still`".to_owned()],
             ..instrument(None)
         }];
-        let judged = Judged {
+        let judged = Facts {
             is_recorded,
             ..judged(&instruments, &summary)
         };

@@ -276,13 +276,8 @@ impl<'a> Search<'a> {
                 far.extend(tried.far_starts(0.0).into_iter().map(|start| (tried, start, Vec::new())));
             }
         }
-        // Sensors of one receiver share a delay. Each sensor alone would contradict the others.
-        let suspects: Vec<&Tried<'_>> = tried.iter().filter(|(_, is_suspect, _)| *is_suspect).map(|(t, ..)| t).collect();
-        let receivers: Vec<Tried<'_>> = suspects.iter().filter_map(|first| first.receiver(&suspects)).collect();
-        let late = self.each(&receivers, Tried::told, |tried| self.alone(base, tried, tried.start(), None));
-        for (tried, late) in receivers.iter().zip(late) {
-            let late = late.filter(|(_, estimate, gain)| tried.differs(estimate) && gain.total >= LEAST && gain.share >= SHARE);
-            keep(late.map(|(start, estimate, gain)| Cause::of(tried, start, estimate, gain)), 0.0);
+        for cause in self.of_receivers(base, &tried) {
+            keep(Some(cause), 0.0);
         }
         // If one sensor would be early, the clock of the process is late. Tries the delay that each sensor gives.
         if let Some((early, _)) = earlier.iter().find(|(tried, estimate)| tried.is_early(estimate)) {
@@ -293,18 +288,8 @@ impl<'a> Search<'a> {
             );
             clocks.into_iter().for_each(|clock| keep(clock, -LEAST));
         }
-        let trials = self.each(
-            &far,
-            |(tried, ..)| tried.told(),
-            |(tried, start, declared)| self.alone(base, tried, start.clone(), Some(declared)),
-        );
-        for ((tried, Start { is, .. }, _), trial) in far.into_iter().zip(trials) {
-            let Some((start, estimate, gain)) = trial else { continue };
-            let is_other = is != Other::Value || tried.differs(&estimate);
-            if is_other && estimate.is_near() && gain.total >= FAR && gain.share >= SHARE {
-                let start = Start { is, ..start };
-                keep(Some(Cause::of(tried, start, estimate, gain)), LEAST);
-            }
+        for cause in self.of_far_starts(base, far) {
+            keep(Some(cause), LEAST);
         }
         if is_gross {
             let columns = self.columns();
@@ -312,6 +297,35 @@ impl<'a> Search<'a> {
             causes.into_iter().for_each(|cause| keep(cause, LEAST));
         }
         best
+    }
+
+    /// The causes that are found from starts far away: a parameter, the start, and the declared values.
+    fn of_far_starts(&self, base: &Course, far: Vec<(&Tried<'a>, Start, Vec<f64>)>) -> Vec<Cause<'a>> {
+        let trials = self.each(
+            &far,
+            |(tried, ..)| tried.told(),
+            |(tried, start, declared)| self.alone(base, tried, start.clone(), Some(declared)),
+        );
+        let causes = far.into_iter().zip(trials).filter_map(|((tried, Start { is, .. }, _), trial)| {
+            let (start, estimate, gain) = trial?;
+            let is_other = is != Other::Value || tried.differs(&estimate);
+            let is_told = is_other && estimate.is_near() && gain.total >= FAR && gain.share >= SHARE;
+            is_told.then(|| Cause::of(tried, Start { is, ..start }, estimate, gain))
+        });
+        causes.collect()
+    }
+
+    /// Sensors of one receiver share a delay. Each sensor alone would contradict the others.
+    fn of_receivers(&self, base: &Course, tried: &[(Tried<'a>, bool, bool)]) -> Vec<Cause<'a>> {
+        let suspects: Vec<&Tried<'a>> = tried.iter().filter(|(_, is_suspect, _)| *is_suspect).map(|(t, ..)| t).collect();
+        let receivers: Vec<Tried<'a>> = suspects.iter().filter_map(|first| first.receiver(&suspects)).collect();
+        let late = self.each(&receivers, Tried::told, |tried| self.alone(base, tried, tried.start(), None));
+        let causes = receivers.iter().zip(late).filter_map(|(tried, late)| {
+            let (start, estimate, gain) = late?;
+            let is_told = tried.differs(&estimate) && gain.total >= LEAST && gain.share >= SHARE;
+            is_told.then(|| Cause::of(tried, start, estimate, gain))
+        });
+        causes.collect()
     }
 
     /// A scale that is a state and moved to another unit or sign by itself.

@@ -1,16 +1,20 @@
-//! A first design from guesses: a text with a comment at every guess.
+//! A first design from guesses, with a comment at every guess.
+//!
+//! `template.toml` has the parts. The code selects parts, and edits them with typed values and reasons. `draft.rs` makes
+//! the text.
 
 mod attitude;
+mod draft;
 mod odometry;
 mod reckoning;
 mod sensors;
 mod sources;
 mod strapdown;
-mod toml;
+mod tracks;
 
-use self::toml::Text;
+use self::draft::Draft;
 use super::signal::Kind::{AngularRate, Euler, Geodetic, Local, SpecificForce, Speed, YawRate};
-use super::{Clock, Form, Inspection, Log, Track};
+use super::{Clock, Form, Inspection, Kind, Log, Track};
 use fusion::config::Diagnostic;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -20,13 +24,10 @@ const INTEGRABLE: f64 = 20.0;
 /// Faster fixes are thinned; the rest judges the filter \[Hz\].
 const WITHHELD: f64 = 1.9;
 
-/// Why a filter restarts after a gap.
-const RECORDINGS: &str = "guessed: each recording is a separate one; they are 10 s apart or more";
-
 /// The input that drives the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Driver {
-    /// An odometer, and a rate of turn.
+    /// An odometer and a rate of turn, or the speeds of both sides.
     Odometer,
     /// An inertial unit with positions.
     Inertial,
@@ -68,17 +69,17 @@ impl Inspection {
     pub(super) fn written(&self, folder: &Path) -> Option<(String, BTreeSet<(usize, usize)>)> {
         let resets = |log: &Log| log.clock.as_ref().is_some_and(|c| c.resets > 0);
         let driver = self.driver().filter(|_| !self.logs.iter().any(resets))?;
-        let mut text = Text::default();
-        self.head(&mut text, folder, driver);
+        let mut draft = Draft::default();
+        self.head(&mut draft, folder, driver);
         match driver {
-            Driver::Odometer => self.odometry(&mut text),
-            Driver::Inertial => self.strapdown(&mut text),
-            Driver::Attitude => self.reckoning(&mut text),
-            Driver::Foot => self.walk(&mut text),
-            Driver::Gyros => self.attitude(&mut text),
+            Driver::Odometer => self.odometry(&mut draft),
+            Driver::Inertial => self.strapdown(&mut draft),
+            Driver::Attitude => self.reckoning(&mut draft),
+            Driver::Foot => self.walk(&mut draft),
+            Driver::Gyros => self.attitude(&mut draft),
         }
-        self.judge(&mut text);
-        Some(text.finish())
+        self.judge(&mut draft);
+        Some(draft.finish())
     }
 
     fn driver(&self) -> Option<Driver> {
@@ -99,6 +100,7 @@ impl Inspection {
             (is_placed && has(Speed) && turns, Driver::Odometer),
             (is_inertial, Driver::Inertial),
             (is_placed && is_measured, Driver::Attitude),
+            (is_placed && self.sides().is_some(), Driver::Odometer),
             (rate >= INTEGRABLE && walks, Driver::Foot),
             (rate >= INTEGRABLE, Driver::Gyros),
         ];
@@ -106,47 +108,53 @@ impl Inspection {
     }
 
     /// The tables before the process.
-    fn head(&self, text: &mut Text, folder: &Path, driver: Driver) {
-        text.comment("A first design, guessed by `fusion inspect` from the values of these files. Every guess says why.");
-        text.comment("Check each against what you know of your instruments, above all noise, axes and lever arms.");
-        text.table("run");
+    fn head(&self, draft: &mut Draft, folder: &Path, driver: Driver) {
+        draft.part("head");
+        let bank = self.position.as_ref().is_some_and(|(_, track)| track.apart.is_some());
+        if driver == Driver::Inertial && self.told() == Told::Nobody {
+            draft.set("bank.hypotheses", 24);
+            draft.set("bank.headings", 24);
+            draft.set("bank.switch", 1);
+            let why = "guessed: no course, compass or magnetometer gives the heading; 24 are tried, and the best one stays";
+            draft.reason("bank", why);
+        } else if bank {
+            draft.set("bank.hypotheses", 24);
+            if driver == Driver::Attitude {
+                draft.set("bank.headings", 12);
+            }
+            draft.reason("bank", "guessed: of the two tracks of the positions each is tried");
+        }
         let what = match driver {
+            Driver::Odometer if self.sides().is_some() => "speeds of both sides and positions, in the plane",
             Driver::Odometer => "odometer, rate of turn and positions, in the plane",
             Driver::Inertial => "inertial unit and positions",
             Driver::Attitude => "dead reckoning by an attitude reference, with positions",
             Driver::Foot => "inertial unit on a foot, which stands at every stride",
             Driver::Gyros => "attitude by gyros and gravity",
         };
-        text.quoted("description", &format!("first design: {what}"));
-        text.quoted("data_dir", &self.data_dir(folder).display().to_string());
-        self.origin(text);
+        draft.within("run");
+        draft.set("description", format!("first design: {what}"));
+        draft.set("data_dir", self.data_dir(folder).display().to_string());
+        let place = self.position.as_ref().or(self.reference.as_ref());
+        if let Some([lat, lon, height]) = place.and_then(|(_, track)| track.origin) {
+            draft.set("origin.latitude", format!("{:.7} deg", lat.to_degrees()));
+            draft.set("origin.longitude", format!("{:.7} deg", lon.to_degrees()));
+            draft.set("origin.height", format!("{height:.1} m"));
+            draft.reason("origin", "the first position");
+        }
         if driver == Driver::Odometer && self.has_recordings() {
-            text.line("restart_after = \"5 s\"", RECORDINGS);
+            draft.set("restart_after", "5 s");
         }
         let is_fast = self.imu.as_ref().is_some_and(|(k, _)| self.logs[*k].rate() > 40.0);
         if is_fast {
-            text.quoted("output_rate", "10 Hz");
-        }
-        text.table("filter");
-        text.quoted("backend", "error_state");
-        if driver == Driver::Inertial && self.told() == Told::Nobody {
-            text.line(
-                "bank = { hypotheses = 24, headings = 24, switch = 1 }",
-                "guessed: no course, compass or magnetometer gives the heading; 24 are tried, and the best one stays",
-            );
-        } else if self.position.as_ref().is_some_and(|(_, track)| track.apart.is_some()) {
-            let headings = if driver == Driver::Attitude { ", headings = 12" } else { "" };
-            text.line(
-                &format!("bank = {{ hypotheses = 24{headings} }}"),
-                "guessed: of the two tracks of the positions each is tried",
-            );
+            draft.set("output_rate", "10 Hz");
         }
     }
 
     /// Restarts a process with an input between recordings.
-    fn apart(&self, text: &mut Text) {
+    fn apart(&self, draft: &mut Draft) {
         if self.has_recordings() {
-            text.line("input.longest_gap = \"5 s\"", RECORDINGS);
+            draft.set("input.longest_gap", "5 s");
         }
     }
 
@@ -175,28 +183,6 @@ impl Inspection {
             PathBuf::from(".")
         } else {
             common
-        }
-    }
-
-    fn origin(&self, text: &mut Text) {
-        let place = self
-            .position
-            .as_ref()
-            .or(self.reference.as_ref())
-            .and_then(|(_, track)| track.origin);
-        match place {
-            Some([lat, lon, height]) => text.line(
-                &format!(
-                    "origin = {{ latitude = \"{:.7} deg\", longitude = \"{:.7} deg\", height = \"{height:.1} m\" }}",
-                    lat.to_degrees(),
-                    lon.to_degrees()
-                ),
-                "the first position",
-            ),
-            None => text.line(
-                "origin = { latitude = \"45 deg\", longitude = \"0 deg\", height = \"0 m\" }",
-                "guessed: no file says where on Earth this is; gravity and the Earth's rotation follow from it",
-            ),
         }
     }
 
@@ -237,85 +223,64 @@ impl Inspection {
     }
 
     /// The tables that judge the filter.
-    fn judge(&self, text: &mut Text) {
+    fn judge(&self, draft: &mut Draft) {
         let is_used = |k: usize| [&self.position, &self.reference].into_iter().flatten().any(|(used, _)| *used == k);
         let estimates = (0..self.logs.len()).filter(|k| self.logs[*k].is_estimate() && !is_used(*k));
         let with_places = estimates.filter(|k| self.logs[*k].has(Geodetic) || self.logs[*k].has(Local));
         let names: Vec<String> = with_places.map(|k| format!("`{}`", self.logs[k].name())).collect();
         if !names.is_empty() {
-            text.comment(&format!(
+            draft.note(&format!(
                 "By name the estimate of another filter, no measurement: {}. To compare with one, declare it as a",
                 names.join(", ")
             ));
-            text.comment("`[source]` of its own and name that in `[reference]`: its errors are not independent of those of this filter.");
+            draft.note("`[source]` of its own and name that in `[reference]`: its errors are not independent of those of this filter.");
         }
+        if self.position.is_none() && self.reference.is_none() {
+            return self.judge_attitude(draft);
+        }
+        draft.part("judge");
         if let Some((k, track)) = &self.reference {
-            text.section("judge");
-            text.comment("guessed: this file looks like a ground truth, for it has an attitude or the smaller errors.");
-            text.comment("It only scores the estimate; no filter can use it.");
-            self.source(text, "reference", *k, &self.reference_kinds(*k), "");
-            self.score(text, "reference", *k, track);
+            draft.note("guessed: this file looks like a ground truth, for it has an attitude or the smaller errors.");
+            draft.note("It only scores the estimate; no filter can use it.");
+            self.source(draft, "reference", *k, &self.reference_kinds(*k), None);
+            self.score(draft, "reference", *k, track);
         } else if let Some((k, track)) = self.position.as_ref().filter(|(_, track)| track.rate() > WITHHELD) {
-            text.section("judge");
-            let every = track_stride(&self.logs[*k], track);
-            text.comment("The fixes that the filter does not see. They are of the same receiver: an error that lasts longer than from one");
-            text.comment("fix to the next is in both, so the true errors are larger than these, and a small NEES says nothing.");
-            self.source(
-                text,
-                "withheld",
-                *k,
-                &self.reference_kinds(*k),
-                &format!("keep = {{ except_every = {every} }}"),
-            );
-            self.score(text, "withheld", *k, track);
-        } else if self.position.is_none() {
-            self.judge_attitude(text);
+            draft.part("withheld");
+            let every = ("keep.except_every", track_stride(&self.logs[*k], track));
+            self.source(draft, "withheld", *k, &self.reference_kinds(*k), Some(every));
+            self.score(draft, "withheld", *k, track);
         } else {
-            text.section("judge");
-            text.comment("No reference: nothing here looks like a ground truth. Judge the filter by the NIS of its sensors.");
+            draft.note("No reference: nothing here looks like a ground truth. Judge the filter by the NIS of its sensors.");
         }
     }
 
-    fn score(&self, text: &mut Text, source: &str, k: usize, track: &Track) {
+    fn score(&self, draft: &mut Draft, source: &str, k: usize, track: &Track) {
         let log = &self.logs[k];
-        text.table("reference");
-        text.quoted("source", source);
-        let mut sigma = Vec::new();
+        draft.part("reference");
+        draft.set("source", source);
         let is_withheld = source == "withheld";
-        if self.judges_with_reported(k) {
-            sigma.push("position = { from_source = true }".to_owned());
+        let millimetres = |scatter: f64| format!("{:.3}", (scatter * 1e3).ceil() * 1e-3);
+        let why = if self.judges_with_reported(k) {
+            draft.set("sigma.position.from_source", true);
+            "as the file reports it"
+        } else if is_withheld {
+            draft.set("sigma.position", millimetres(self.white(log, track).0) + " m");
+            "that of the fixes which the filter uses"
         } else {
-            let scatter = if is_withheld {
-                self.white(log, track).0
-            } else {
-                track.scatter.max(1e-3)
-            };
-            sigma.push(format!("position = \"{:.3} m\"", (scatter * 1e3).ceil() * 1e-3));
-        }
-        let is_reported = log.has(super::Kind::VelocitySigma) && log.has(super::Kind::Velocity);
-        let has_scatter = !is_reported && self.reference_kinds(k).contains(&super::Kind::Velocity) && track.velocity_scatter.is_finite();
-        if is_reported {
-            sigma.push("velocity = { from_source = true }".to_owned());
-        } else if has_scatter {
-            let scatter = track.velocity_scatter.max(1e-3);
-            sigma.push(format!("velocity = \"{:.3} m/s\"", (scatter * 1e3).ceil() * 1e-3));
-        }
-        let why = match (self.judges_with_reported(k), is_withheld) {
-            (true, _) => "as the file reports it",
-            (false, true) => "that of the fixes which the filter uses",
-            (false, false) => "the scatter of neighbouring positions",
+            draft.set("sigma.position", millimetres(track.scatter.max(1e-3)) + " m");
+            "the scatter of neighbouring positions"
         };
-        let of_velocity = if has_scatter {
-            "; of velocities the scatter of neighbouring ones"
-        } else {
-            ""
-        };
-        text.line(&format!("sigma = {{ {} }}", sigma.join(", ")), &format!("{why}{of_velocity}"));
-        if self.reference_kinds(k).iter().any(|s| matches!(s, super::Kind::Quaternion | Euler)) {
-            text.line(
-                "remove_mean_mounting = true",
-                "guessed: the unit is not mounted exactly as the reference",
-            );
+        let is_judged = self.reference_kinds(k).contains(&Kind::Velocity) && track.velocity_scatter.is_finite();
+        let mut of_velocity = "";
+        if log.has(Kind::VelocitySigma) && log.has(Kind::Velocity) {
+            draft.set("sigma.velocity.from_source", true);
+        } else if is_judged {
+            draft.set("sigma.velocity", millimetres(track.velocity_scatter.max(1e-3)) + " m/s");
+            of_velocity = "; of velocities the scatter of neighbouring ones";
+        }
+        draft.reason("sigma", &format!("{why}{of_velocity}"));
+        if self.reference_kinds(k).iter().any(|s| matches!(s, Kind::Quaternion | Euler)) {
+            draft.set("remove_mean_mounting", true);
         }
     }
 }

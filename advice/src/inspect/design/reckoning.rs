@@ -1,111 +1,100 @@
 //! Dead reckoning with an attitude reference.
 
-use super::toml::Text;
-use crate::inspect::Inspection;
+use super::draft::{Draft, list};
+use super::sensors::past_quarter;
 use crate::inspect::signal::Kind::{BodyVelocity, Depth, Euler};
+use crate::inspect::{Inspection, Yaw};
+use toml_edit::Value;
 
 /// How a vehicle with a velocity log changes its velocity \[m/s/√s\].
 const NOISE: f64 = 0.1;
+/// How long a diver keeps a speed \[s\].
+const USUAL: f64 = 20.0;
 
 impl Inspection {
-    pub(super) fn reckoning(&self, text: &mut Text) {
+    pub(super) fn reckoning(&self, draft: &mut Draft) {
         let (Some((p, track)), Some(attitude)) = (&self.position, self.with(Euler)) else {
             return;
         };
-        let whole = self.whole(&self.logs[*p], track).max(0.5);
         let speed = track.top_speed();
+        let has_log = self.with(BodyVelocity).is_some();
         // If fixes are further apart than this, a guess would decide what the filter estimates.
-        const USUAL: f64 = 20.0;
-        let told = track
-            .lasting()
-            .filter(|_| track.rate() * USUAL <= 1.0 && self.with(BodyVelocity).is_none());
-        let (lasting, is_told) = (told.map_or(USUAL, |lasting| lasting.max(USUAL)), told.is_some());
+        let told = track.lasting().filter(|_| track.rate() * USUAL <= 1.0 && !has_log);
+        let lasting = told.map_or(USUAL, |lasting| lasting.max(USUAL));
         if self.logs[attitude].is_estimate() {
-            text.comment(&format!(
+            draft.note(&format!(
                 "`{}` is by its name the estimate of another filter, which may have used the positions of this log too. Nothing else here",
                 self.logs[attitude].name()
             ));
-            text.comment("gives the attitude; replace it by an instrument if you have one.");
+            draft.note("gives the attitude; replace it by an instrument if you have one.");
         }
-        text.table("process");
-        text.line("type = \"dead_reckoning\"\nsource = \"attitude_reference\"", "");
-        text.line(&format!("position_sigma = \"{:.1} m\"", 2.0 * whole), "guessed: twice a fix");
-        // White noise √(2/T) σ keeps a velocity with the 1σ σ and the correlation time T: here the velocity and the
-        // drift.
-        let wander = if self.with(BodyVelocity).is_some() {
+        draft.part("dead reckoning");
+        draft.set(
+            "position_sigma",
+            format!("{:.1} m", 2.0 * self.whole(&self.logs[*p], track).max(0.5)),
+        );
+        let wander = if has_log {
+            let sigma = [1.0, 0.3, 0.2].map(|part| format!("{:.2} m/s", part * speed));
+            draft.guess("velocity_sigma", list(sigma), "guessed: by the usual top speed");
+            draft.set("velocity_noise", format!("{NOISE:.1} m/s/sqrt(s)"));
             NOISE
         } else {
+            self.without_log(draft, speed, lasting, told.is_some());
+            // White noise √(2/T) σ keeps a velocity with the 1σ σ and the correlation time T: here the velocity and the
+            // drift.
             (2.0 / lasting).sqrt() * (0.5 * speed).hypot(core::f64::consts::SQRT_2 * 0.3 * speed)
         };
-        if self.with(BodyVelocity).is_some() {
-            text.line(
-                &format!(
-                    "velocity_sigma = [\"{speed:.2} m/s\", \"{:.2} m/s\", \"{:.2} m/s\"]",
-                    0.3 * speed,
-                    0.2 * speed
-                ),
-                "guessed: by the usual top speed",
-            );
-            text.line(
-                &format!("velocity_noise = \"{NOISE:.1} m/s/sqrt(s)\""),
-                "guessed: how a vehicle of this speed changes it",
-            );
+        self.heading_offset(draft);
+        // The same limit as the gaps of the page.
+        let longest = (3.5 / self.logs[attitude].rate()).max(0.2 * lasting).max(5.0);
+        draft.set("input.longest_interval", format!("{longest:.1} s"));
+        self.apart(draft);
+        draft.part("fix");
+        self.first_height(draft);
+        self.first_sigma(draft, 1.0, "of a fix");
+        draft.part("aids");
+        self.position_sensors(draft, false, Some(wander));
+        self.water(draft, true);
+        draft.part("data");
+        self.source(draft, "attitude_reference", attitude, &[Euler], None);
+        self.position_source(draft);
+    }
+
+    /// The velocity of a process whose speed nothing measures: it lasts for the time `lasting` \[s\]. `is_told`: the fixes
+    /// show this time.
+    fn without_log(&self, draft: &mut Draft, speed: f64, lasting: f64, is_told: bool) {
+        let ahead = [format!("{:.2} m/s", 0.5 * speed).into(), Value::from(0), Value::from(0)];
+        draft.guess("velocity_sigma", list(ahead), "guessed: half the usual top speed, ahead only");
+        let why = if is_told {
+            "guessed: by how its velocity between fixes changes from one to the next"
         } else {
-            text.line(
-                &format!("velocity_sigma = [\"{:.2} m/s\", 0, 0]", 0.5 * speed),
-                "guessed: half the usual top speed, ahead only",
-            );
-            text.line(
-                &format!("velocity_time = \"{lasting:.0} s\""),
-                if is_told {
-                    "guessed: by how its velocity between fixes changes from one to the next"
-                } else {
-                    "guessed: how long a diver keeps a speed; the fixes come more often, and nothing else tells it"
-                },
-            );
-            text.line("position_noise = \"5 cm/sqrt(s)\"", "guessed");
-            // Only a depth observes vertical motion that is not ahead.
-            let has_depth = self.with(Depth).is_some();
-            let vertical = if has_depth {
-                format!("\"{:.2} m/s\"", 0.15 * speed)
-            } else {
-                "0".to_owned()
-            };
-            text.line(
-                &format!("drift = {{ estimate = true, initial = [0, 0, 0], sigma = [\"{0:.2} m/s\", \"{0:.2} m/s\", {vertical}], correlation_time = \"{1:.0} s\" }}", 0.3 * speed, 0.5 * lasting),
-                "guessed: what is not ahead, and the current",
-            );
-        }
-        let known = self.yaw.filter(|y| y.agreement > 0.8);
-        let sigma = if known.is_some() { "10 deg" } else { "100 deg" };
-        let left = self.yaw.filter(crate::inspect::Yaw::is_decided).map_or(0.0, |y| {
-            let degrees = y.offset.to_degrees();
-            degrees - 90.0 * (degrees / 90.0).round()
-        });
+            "guessed: how long a diver keeps a speed; the fixes come more often, and nothing else tells it"
+        };
+        draft.guess("velocity_time", format!("{lasting:.0} s"), why);
+        draft.set("position_noise", "5 cm/sqrt(s)");
+        // Only a depth observes vertical motion that is not ahead.
+        let level = Value::from(format!("{:.2} m/s", 0.3 * speed));
+        let vertical = match self.with(Depth) {
+            Some(_) => format!("{:.2} m/s", 0.15 * speed).into(),
+            None => Value::from(0),
+        };
+        draft.set("drift.sigma", list([level.clone(), level, vertical]));
+        draft.set("drift.correlation_time", format!("{:.0} s", 0.5 * lasting));
+    }
+
+    /// Course minus heading, as far as they agree.
+    fn heading_offset(&self, draft: &mut Draft) {
+        let is_known = self.yaw.is_some_and(|y| y.agreement > 0.8);
+        let left = self
+            .yaw
+            .filter(Yaw::is_decided)
+            .map_or(0.0, |y| past_quarter(y.offset.to_degrees()));
+        draft.set("heading_offset.initial", format!("{left:.1} deg"));
+        draft.set("heading_offset.sigma", if is_known { "10 deg" } else { "100 deg" });
         let why = self.yaw.map_or_else(
             || "guessed: nothing gives the course".to_owned(),
             |y| format!("guessed: course minus heading; they agree to {:.2} of 1", y.agreement),
         );
-        text.line(
-            &format!("heading_offset = {{ estimate = true, initial = \"{left:.1} deg\", sigma = \"{sigma}\", random_walk = \"0.05 deg/sqrt(s)\" }}"),
-            &why,
-        );
-        // The same limit as the gaps of the page.
-        let longest = (3.5 / self.logs[attitude].rate()).max(0.2 * lasting).max(5.0);
-        text.line(
-            &format!("input.longest_interval = \"{longest:.1} s\""),
-            "guessed: three and a half of its usual intervals, a fifth of the time that a speed lasts, or 5 s; longer ones are gaps",
-        );
-        self.apart(text);
-        text.table("initial.fix");
-        text.line("type = \"first_fix\"\nsource = \"gnss\"", "");
-        self.first_height(text);
-        self.first_sigma(text, 1.0, "of a fix");
-        text.section("aids");
-        self.position_sensors(text, false, Some(wander));
-        self.water(text, true);
-        text.section("data");
-        self.source(text, "attitude_reference", attitude, &[Euler], "");
-        self.position_source(text);
+        draft.reason("heading_offset", &why);
     }
 }

@@ -1,6 +1,6 @@
 //! The tables of sensors: positions and all other aiding.
 
-use super::toml::Text;
+use super::draft::{Draft, list, number};
 use super::{WITHHELD, is_local, track_stride};
 use crate::inspect::numbers::median;
 use crate::inspect::signal::Kind::{
@@ -10,6 +10,7 @@ use crate::inspect::signal::Kind::{
 use crate::inspect::track::Claim;
 use crate::inspect::words::{Words, contains};
 use crate::inspect::{Inspection, Log, Track};
+use toml_edit::Value;
 
 /// Positions with smaller differences between fixes are of centimetre grade \[m\].
 const PRECISE: f64 = 0.05;
@@ -74,12 +75,12 @@ impl Inspection {
         if self.is_slow(log, track) { white.hypot(1.5) } else { white }
     }
 
-    /// Writes the 1σ of the first fix: `times` the 1σ of a fix. With a slow error as a state it writes none.
-    pub(super) fn first_sigma(&self, text: &mut Text, times: f64, why: &str) {
+    /// The 1σ of the first fix: `times` the 1σ of a fix. A slow error that is a state has its own 1σ.
+    pub(super) fn first_sigma(&self, draft: &mut Draft, times: f64, why: &str) {
         let Some((k, track)) = &self.position else { return };
         let log = &self.logs[*k];
         if !self.is_slow(log, track) {
-            text.line(&format!("position_sigma = \"{:.2} m\"", times * self.whole(log, track)), why);
+            draft.guess("position_sigma", format!("{:.2} m", times * self.whole(log, track)), why);
         }
     }
 
@@ -90,79 +91,73 @@ impl Inspection {
 
     /// The position and, if reported, the velocity, as sensors on `gnss`.
     /// `wander` is the random walk of the process velocity in the plane \[m/s/√s\], if the design declares it.
-    pub(super) fn position_sensors(&self, text: &mut Text, is_moving: bool, wander: Option<f64>) {
+    pub(super) fn position_sensors(&self, draft: &mut Draft, is_moving: bool, wander: Option<f64>) {
         let Some((k, track)) = &self.position else { return };
         let log = &self.logs[*k];
         let (white, why) = self.white(log, track);
-        text.table("sensor.gnss_position");
+        draft.part("gnss position");
         let is_flat = !self.has_height() && !is_local(log);
         let kind = match (is_local(log), is_flat) {
             (true, _) => "usbl_position",
             (false, true) => "horizontal_position",
             (false, false) => "gnss_position",
         };
-        text.quoted("type", kind);
-        text.quoted("source", "gnss");
+        draft.set("type", kind);
         if !is_flat && (!self.has_height() || !is_moving) {
-            text.line("horizontal = true", "guessed: no height, or one that is not needed");
+            draft.set("horizontal", true);
         }
         let arm = is_moving && track.is_reported;
         if arm {
-            text.line(
-                "lever_arm = { estimate = true, initial = [0, 0, 0], sigma = \"1 m\" }",
-                "guessed: the antenna is within a metre or two of the unit; measure it",
-            );
+            state(draft, "lever_arm", list([0, 0, 0]), "1 m");
         }
-        let lag = self.lag();
-        // If fixes of the same receiver judge a vehicle that turns as its course does, the stamps of the receiver
-        // define the time.
-        if let Some(late) = self.late_position().filter(|_| arm) {
-            let share = format!("time_offset = {{ estimate = true, initial = \"{late:.2} s\", sigma = \"50 ms\" }}");
-            text.line(&share, "guessed: positions are smoothed less than velocities, and are less late");
-        } else if self.is_shifted() {
-            let lag = lag.unwrap_or_default();
-            text.line(
-                &format!("time_offset = {{ estimate = true, initial = \"{lag:.2} s\", sigma = \"0.2 s\" }}"),
-                "guessed: the clocks were brought together by velocities, which are late. Add what is found, with its sign, to `offset` in \
-                 [source.imu]; then write `time_offset = 0` here",
-            );
-        }
+        self.offset_of_positions(draft, arm);
         if self.is_slow(log, track) {
             // A vehicle at foot speed stays near the same houses, and its odometer shows their effect on the fixes.
-            let time = if is_moving { 600 } else { 60 };
-            text.line(
-                &format!("bias = {{ estimate = true, initial = [0, 0, 0], sigma = [\"1.5 m\", \"1.5 m\", \"2 m\"], correlation_time = \"{time} s\" }}"),
-                "guessed: the slow error of single-point GNSS (configs/parts/gnss/single-point.toml); nothing here tells it",
-            );
+            draft.set("bias.correlation_time", if is_moving { "600 s" } else { "60 s" });
         }
         match self.claimed_position() {
-            Some(claim) => text.line(
-                &from_source(claim, &[white; 3], track.scatter, "m"),
-                &format!("{why}; in each row as the receiver reports it; raise `scale` where NIS stays too large"),
-            ),
-            None => text.line(&format!("noise = {{ sigma = \"{white:.3} m\" }}"), &why),
+            Some(claim) => from_source(draft, claim, &[white; 3], track.scatter, "m", &why),
+            None => {
+                draft.set("noise.sigma", format!("{white:.3} m"));
+                draft.reason("noise", &why);
+            }
         }
         if let Some(apart) = track.apart {
-            text.line(
-                &format!(
-                    "gate = {{ type = \"hypotheses\", reach = \"{apart:.0} m\", speed = \"{:.1} m/s\"{} }}",
-                    track.top_speed().max(0.5),
-                    wander.map_or_else(String::new, |wander| format!(", wander = \"{wander:.2} m/s/sqrt(s)\""))
-                ),
-                wander.map_or(
-                    "guessed: two tracks in one file, which are so far apart; one of them is false",
-                    |_| "guessed: two tracks in one file, which are so far apart; one of them is false; `wander`: as the velocity of the process changes",
-                ),
-            );
+            draft.set("gate.type", "hypotheses");
+            draft.set("gate.reach", format!("{apart:.0} m"));
+            draft.set("gate.speed", format!("{:.1} m/s", track.top_speed().max(0.5)));
+            let mut why = "guessed: two tracks in one file, which are so far apart; one of them is false".to_owned();
+            if let Some(wander) = wander {
+                draft.set("gate.wander", format!("{wander:.2} m/s/sqrt(s)"));
+                why += "; `wander`: as the velocity of the process changes";
+            }
+            draft.reason("gate", &why);
         } else if is_local(log) {
-            text.line(
-                "gate = { type = \"nis\", probability = 0.997 }",
-                "guessed: fixes of this kind have outliers",
-            );
+            draft.set("gate.type", "nis");
+            draft.set("gate.probability", 0.997);
+            draft.reason("gate", "guessed: fixes of this kind have outliers");
         }
         if track.is_reported && is_moving {
-            self.velocity_sensor(text, log, track, lag);
+            self.velocity_sensor(draft, log, track);
         }
+    }
+
+    /// The time offset of positions. `is_judged`: other fixes of the same receiver judge the filter.
+    fn offset_of_positions(&self, draft: &mut Draft, is_judged: bool) {
+        // If fixes of the same receiver judge a vehicle that turns as its course does, the stamps of the receiver
+        // define the time.
+        let (late, sigma, why) = if let Some(late) = self.late_position().filter(|_| is_judged) {
+            let why = "guessed: positions are smoothed less than velocities, and are less late";
+            (late, "50 ms", why)
+        } else if self.is_shifted() {
+            let why = "guessed: the clocks were brought together by velocities, which are late. Add what is found, with its sign, to `offset` in \
+                       [source.imu]; then write `time_offset = 0` here";
+            (self.lag().unwrap_or_default(), "0.2 s", why)
+        } else {
+            return;
+        };
+        state(draft, "time_offset", format!("{late:.2} s"), sigma);
+        draft.reason("time_offset", why);
     }
 
     /// The 1σ that a receiver reports of its positions, if the filter uses it as their noise. It does not if the 1σ
@@ -180,15 +175,14 @@ impl Inspection {
         clock.is_some_and(|clock| clock.shift != 0.0)
     }
 
-    fn velocity_sensor(&self, text: &mut Text, log: &Log, track: &Track, lag: Option<f64>) {
+    fn velocity_sensor(&self, draft: &mut Draft, log: &Log, track: &Track) {
         let log = self.velocity.map_or(log, |k| &self.logs[k]);
-        text.table("sensor.gnss_velocity");
+        draft.part("gnss velocity");
         let is_flat = log.has_flat_velocity();
-        text.quoted("type", if is_flat { "horizontal_velocity" } else { "gnss_velocity" });
-        text.quoted("source", self.velocity_source());
-        text.line("lever_arm = { shared = \"gnss_position.lever_arm\" }", "");
-        if let Some(lag) = lag {
-            let offset = format!("time_offset = {{ estimate = true, initial = \"{lag:.2} s\", sigma = \"50 ms\" }}");
+        draft.set("type", if is_flat { "horizontal_velocity" } else { "gnss_velocity" });
+        draft.set("source", self.velocity_source());
+        if let Some(lag) = self.lag() {
+            state(draft, "time_offset", format!("{lag:.2} s"), "50 ms");
             let why = if self.is_late_by_force() {
                 "guessed: accelerations of the track against the length of the force, alike in every third of the log"
             } else if self.drift().is_some() {
@@ -196,9 +190,8 @@ impl Inspection {
             } else {
                 "guessed: rate of the course against the gyros"
             };
-            text.line(&offset, why);
+            draft.reason("time_offset", why);
         }
-        let claim = track.claims[1];
         let claimed = log.values(VelocitySigma).map(|s| median(s.iter().map(|s| 0.5 * (s[0] + s[1]))));
         // Neighbouring fixes share a part of their error, which their scatter does not show.
         let scatter = 3.0 * track.velocity_scatter;
@@ -213,30 +206,15 @@ impl Inspection {
             ),
             _ => (0.1, "guessed: what receivers usually reach".to_owned()),
         };
-        if let Some(claim) = claim {
-            let axes = if is_flat { 2 } else { 3 };
-            text.line(
-                &from_source(claim, &[sigma, sigma, 2.0 * sigma][..axes], track.velocity_scatter, "m/s"),
-                &format!("{why}; in each row as the receiver reports it; raise `scale` where NIS stays too large"),
-            );
-            return self.vertical_runs_against(text, track);
-        }
-        let third = if is_flat {
-            String::new()
+        let each = &[sigma, sigma, 2.0 * sigma][..if is_flat { 2 } else { 3 }];
+        if let Some(claim) = track.claims[1] {
+            from_source(draft, claim, each, track.velocity_scatter, "m/s", &why);
         } else {
-            format!(", \"{:.3} m/s\"", 2.0 * sigma)
-        };
-        text.line(
-            &format!("noise = {{ sigma = [\"{sigma:.3} m/s\", \"{sigma:.3} m/s\"{third}] }}"),
-            &why,
-        );
-        self.vertical_runs_against(text, track);
-    }
-
-    fn vertical_runs_against(&self, text: &mut Text, track: &Track) {
-        let downs = track.agreement.map_or(1.0, |a| a[2]);
-        if downs < 0.0 {
-            text.comment("The reported vertical velocity runs against the height: is it up instead of down?");
+            draft.set("noise.sigma", list(each.iter().map(|sigma| format!("{sigma:.3} m/s"))));
+            draft.reason("noise", &why);
+        }
+        if track.agreement.is_some_and(|agreement| agreement[2] < 0.0) {
+            draft.note("The reported vertical velocity runs against the height: is it up instead of down?");
         }
     }
 
@@ -269,34 +247,28 @@ impl Inspection {
     }
 
     /// The sources of the positions, and of velocities in a separate file.
-    pub(super) fn position_source(&self, text: &mut Text) {
+    pub(super) fn position_source(&self, draft: &mut Draft) {
         let Some((k, track)) = &self.position else { return };
         let log = &self.logs[*k];
         let is_withheld = self.reference.is_none() && track.rate() > WITHHELD;
-        let thinned = |every: usize| {
-            if is_withheld {
-                format!("keep = {{ every = {every} }}")
-            } else {
-                String::new()
-            }
-        };
+        let thinned = |every: usize| is_withheld.then_some(("keep.every", every));
         if is_withheld {
-            text.section("positions: about one a second is used, the others judge");
+            draft.section("positions: about one a second is used, the others judge");
         }
         let of_position = self.claimed_position().map(|_| PositionSigma);
         let own = track.claims[1].filter(|_| self.velocity.is_none()).map(|_| VelocitySigma);
         let kinds: Vec<Kind> = [Some(place(log)), Some(Velocity), of_position, own].into_iter().flatten().collect();
-        self.source(text, "gnss", *k, &kinds, &thinned(track_stride(log, track)));
+        self.source(draft, "gnss", *k, &kinds, thinned(track_stride(log, track)));
         if let Some(velocity) = self.velocity {
             let every = self.logs[velocity].rate().round().max(1.0) as usize;
             let of_velocity = track.claims[1].map(|_| VelocitySigma);
             let kinds: Vec<Kind> = [Some(Velocity), of_velocity].into_iter().flatten().collect();
-            self.source(text, self.velocity_source(), velocity, &kinds, &thinned(every));
+            self.source(draft, self.velocity_source(), velocity, &kinds, thinned(every));
         }
     }
 
     /// A barometer, if there is an air pressure and positions have a height.
-    pub(super) fn barometer(&self, text: &mut Text) {
+    pub(super) fn barometer(&self, draft: &mut Draft) {
         let is_wet = self.with(Depth).is_some() || self.with(BodyVelocity).is_some();
         let Some((k, (_, track))) = self
             .with(Pressure)
@@ -321,121 +293,53 @@ impl Inspection {
         // Against the heights of the track: wind and speed also change the pressure, but not from row to row.
         let moved = against_heights(log.stamps(), &pressures, track);
         let sigma = if scatter.is_finite() { scatter.max(moved).max(3.0) } else { 10.0 };
-        text.table("sensor.barometer");
-        text.line("type = \"barometer\"\nsource = \"barometer\"", "");
-        text.line(
-            &format!(
-                "sea_level_pressure = {{ estimate = true, initial = \"{:.2} hPa\", sigma = \"2 hPa\", random_walk = \"2 Pa/sqrt(s)\" }}",
-                0.01 * at_sea
-            ),
-            "guessed: so that the first pressure is that of the first height; the weather moves it",
-        );
-        text.line(
-            &format!("noise = {{ sigma = \"{sigma:.1} Pa\" }}"),
-            "guessed: the scatter of neighbouring pressures, or that against the heights of the positions over 5 s; 3 Pa at least",
-        );
-        self.source(text, "barometer", k, &[Pressure], "");
+        draft.part("barometer");
+        draft.set("sea_level_pressure.initial", format!("{:.2} hPa", 0.01 * at_sea));
+        draft.set("noise.sigma", format!("{sigma:.1} Pa"));
+        self.source(draft, "barometer", k, &[Pressure], None);
     }
 
     /// A recorded heading that follows the course, and a magnetometer that reads the Earth's field.
-    pub(super) fn compasses(&self, text: &mut Text) {
+    pub(super) fn compasses(&self, draft: &mut Draft) {
         if let Some(k) = self.recorded_heading() {
-            text.table("sensor.heading");
-            text.line("type = \"heading\"\nsource = \"heading\"", "");
+            draft.part("heading");
             let left = self.yaw.map_or(0.0, |y| -past_quarter(y.offset.to_degrees()));
-            text.line(
-                &format!("bias = {{ estimate = true, initial = \"{left:.1} deg\", sigma = \"10 deg\" }}"),
-                "guessed: heading minus course; declination, and how it is mounted",
-            );
-            text.line(
-                "deviation = { sin = { estimate = true, initial = 0, sigma = \"3 deg\" }, cos = { estimate = true, initial = 0, sigma = \"3 deg\" } }",
-                "guessed: iron",
-            );
-            text.line(
-                "noise = { sigma = \"5 deg\" }",
-                "guessed: a compass in motion, whose rows share their error",
-            );
-            self.source(text, "heading", k, &[Heading], "");
+            draft.set("bias.initial", format!("{left:.1} deg"));
+            self.source(draft, "heading", k, &[Heading], None);
         }
         let Some((k, field)) = self.earth_field() else { return };
         if self.told() == super::Told::Field {
-            text.table("stage.compass");
-            text.line("type = \"compass\"\nsource = \"magnetometer\"\nlevel_source = \"imu\"", "");
-            text.line("rate = \"1 Hz\"", "for the start");
+            draft.part("compass for the start");
         }
-        text.table("sensor.magnetometer");
-        text.line("type = \"magnetometer\"\nsource = \"magnetometer\"", "");
-        text.line(
-            &format!(
-                "strength = {{ estimate = true, initial = \"{:.1} uT\", sigma = \"3 uT\" }}",
-                1e6 * field.strength
-            ),
-            "guessed: its median",
-        );
-        text.line(
-            &format!(
-                "inclination = {{ estimate = true, initial = \"{:.1} deg\", sigma = \"3 deg\" }}",
-                field.dip.to_degrees()
-            ),
-            "guessed: its median below the plane across the specific force",
-        );
-        text.line(
-            "declination = { estimate = true, initial = 0, sigma = \"15 deg\" }",
-            "no file tells it: better give that of the place, from a map or a model of the field",
-        );
-        text.line(
-            "hard_iron = { estimate = true, initial = [0, 0, 0], sigma = \"5 uT\" }",
-            "guessed: a unit that is not calibrated in its vehicle",
-        );
+        draft.part("magnetometer");
+        draft.set("strength.initial", format!("{:.1} uT", 1e6 * field.strength));
+        draft.set("inclination.initial", format!("{:.1} deg", field.dip.to_degrees()));
         // The time of a row within its interval is not known.
         let turned = self.imu.as_ref().map_or(0.0, |(_, imu)| imu.turning * 0.5 / self.logs[k].rate());
         let sigma = (1e6 * field.strength * turned.min(1.0)).max(field.scatter * 1e6).max(1.0);
-        text.line(
-            &format!("noise = {{ sigma = \"{sigma:.1} uT\" }}"),
-            "guessed: how its length scatters, or how far fast turns move it in half an interval; 1 uT at least",
-        );
-        self.source(text, "magnetometer", k, &[MagneticField], "");
+        draft.set("noise.sigma", format!("{sigma:.1} uT"));
+        self.source(draft, "magnetometer", k, &[MagneticField], None);
     }
 
     /// A speed ahead: from wheels, or from a log that measures the speed through the water.
-    pub(super) fn log_or_wheels(&self, text: &mut Text) {
-        let Some(k) = self.with(Speed) else { return };
-        let current = self.current(Speed);
-        let name = if current.is_some() { "log" } else { "odometer" };
-        text.table(&format!("sensor.{name}"));
-        text.line(&format!("type = \"odometer\"\nsource = \"{name}\""), "");
-        text.line("scale = { estimate = true, initial = 0, sigma = \"3 %\" }", "guessed");
-        if let Some(current) = current {
-            drift(text, &self.why_water(Speed, current));
+    pub(super) fn log_or_wheels(&self, draft: &mut Draft) {
+        let Some(k) = self.with(Speed) else { return self.tracks(draft) };
+        if let Some(current) = self.current(Speed) {
+            draft.part("speed through water");
+            drift(draft, &self.why_water(Speed, current));
+            self.source(draft, "log", k, &[Speed], None);
+            draft.part("leeway");
         } else {
-            text.line(
-                "mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, \"5 deg\", \"8 deg\"] }",
-                "guessed: mounted by hand",
-            );
-        }
-        text.line(
-            "noise = { sigma = \"0.1 m/s\" }",
-            "guessed: slip, waves, and the arm from the unit to it",
-        );
-        self.source(text, name, k, &[Speed], "");
-        if current.is_some() {
-            text.table("stage.tick");
-            text.line("type = \"periodic\"\nsource = \"imu\"\nrate = \"1 Hz\"", "");
-            text.table("sensor.leeway");
-            text.line("type = \"nonholonomic\"\nsource = \"tick\"\naxes = \"right\"", "");
-            text.line("current = { shared = \"log.current\" }", "");
-            text.line(
-                "noise = { sigma = \"0.3 m/s\" }",
-                "guessed: a hull hardly slips sideways through the water",
-            );
+            draft.part("speed of wheels");
+            self.source(draft, "odometer", k, &[Speed], None);
         }
     }
 
     /// The height of the first fix, if the fixes have none.
-    pub(super) fn first_height(&self, text: &mut Text) {
+    pub(super) fn first_height(&self, draft: &mut Draft) {
         let is_local = self.position.as_ref().is_some_and(|(k, _)| is_local(&self.logs[*k]));
         if !self.has_height() && !is_local {
-            text.line("height = \"0 m\"", "guessed: no file tells it");
+            draft.set("height", "0 m");
         }
     }
 
@@ -453,58 +357,47 @@ impl Inspection {
     }
 
     /// A Doppler log and a depth, if there are any; `is_planar`: the positions are used without their height.
-    pub(super) fn water(&self, text: &mut Text, is_planar: bool) {
+    pub(super) fn water(&self, draft: &mut Draft, is_planar: bool) {
         if let Some(k) = self.with(BodyVelocity) {
             let (current, is_ground) = (self.current(BodyVelocity), sees_ground(&self.logs[k]));
-            let name = if current.is_some() { "water_log" } else { "dvl" };
-            text.table(&format!("sensor.{name}"));
-            text.quoted("type", "body_velocity");
-            text.quoted("source", name);
-            if let Some(current) = current {
-                drift(text, &self.why_water(BodyVelocity, current));
+            let name = if let Some(current) = current {
+                draft.part("water log");
+                drift(draft, &self.why_water(BodyVelocity, current));
+                "water_log"
             } else {
+                draft.part("dvl");
                 if !(is_ground || self.is_over_ground(BodyVelocity)) && self.knows_ground() {
                     let why = "guessed: neither a name nor the way tells the velocity over ground from that through the water; for a Doppler log \
                                that sees the bottom delete this line";
-                    drift(text, why);
+                    drift(draft, why);
                 }
-                text.line(
-                    "bias = { estimate = true, initial = [0, 0, 0], sigma = [\"0.2 m/s\", \"0.2 m/s\", 0], correlation_time = \"120 s\" }",
-                    "guessed: scale and mounting of a Doppler log are slow errors",
-                );
-            }
-            text.line(
-                "noise = { sigma = \"0.1 m/s\" }",
-                "guessed: scatter of a Doppler log on a small vehicle",
-            );
-            text.line("gate = { type = \"nis\", probability = 0.999 }", "guessed: single pings fail");
-            self.source(text, name, k, &[BodyVelocity], "");
+                "dvl"
+            };
+            self.source(draft, name, k, &[BodyVelocity], None);
         }
         let in_position = self.position.as_ref().is_some_and(|(k, _)| is_local(&self.logs[*k]));
         if let Some(k) = self.with(Depth).filter(|_| !in_position || is_planar) {
-            text.table("sensor.depth");
-            text.quoted("type", "depth");
-            text.quoted("source", "depth");
+            draft.part("depth");
             if in_position {
-                text.line(
-                    "noise = { sigma = \"5 cm\" }",
-                    "guessed: pressure, and waves; depth is counted from the `origin`",
-                );
-            } else {
-                text.line(
-                    "surface = { estimate = true, initial = 0, sigma = \"1 m\" }",
-                    "guessed: tide, and the zero of the sensor",
-                );
-                text.line("noise = { sigma = \"2 cm\" }", "guessed: usual for pressure");
+                draft.leave_out("surface");
+                draft.set("noise.sigma", "5 cm");
+                draft.reason("noise", "guessed: pressure, and waves; depth is counted from the `origin`");
             }
-            self.source(text, "depth", k, &[Depth], "");
+            self.source(draft, "depth", k, &[Depth], None);
         }
     }
 }
 
+/// A parameter as a state.
+fn state(draft: &mut Draft, key: &str, initial: impl Into<Value>, sigma: impl Into<Value>) {
+    draft.set(&format!("{key}.estimate"), true);
+    draft.set(&format!("{key}.initial"), initial);
+    draft.set(&format!("{key}.sigma"), sigma);
+}
+
 /// The noise of a sensor as its source reports it, row by row. `sigma` is the assumed noise along each axis at the
 /// usual report. The part that is not reported is added, and at least the `scatter` of neighbours.
-fn from_source(claim: Claim, sigma: &[f64], scatter: f64, unit: &str) -> String {
+fn from_source(draft: &mut Draft, claim: Claim, sigma: &[f64], scatter: f64, unit: &str, why: &str) {
     /// If a receiver reports zero, the filter needs some noise: the last digit of most logs.
     const LEAST: f64 = 1e-3;
     let least = scatter.max(LEAST);
@@ -515,11 +408,11 @@ fn from_source(claim: Claim, sigma: &[f64], scatter: f64, unit: &str) -> String 
     let scale = if claim.times > 1.0 { claim.times } else { careful.min(1.0) };
     let rest = sigma.iter().zip([across, across, claim.median[2]]);
     let rest = rest.map(|(sigma, reported)| (sigma.powi(2) - (scale * reported).powi(2)).max(0.0).sqrt().max(least));
-    let rest: Vec<String> = rest.map(|rest| format!("\"{rest:.3} {unit}\"")).collect();
-    format!(
-        "noise = {{ from_source = true, scale = {scale:.2}, sigma = [{}] }}",
-        rest.join(", ")
-    )
+    draft.set("noise.from_source", true);
+    draft.set("noise.scale", number(&format!("{scale:.2}")));
+    draft.set("noise.sigma", list(rest.map(|rest| format!("{rest:.3} {unit}"))));
+    let why = format!("{why}; in each row as the receiver reports it; raise `scale` where NIS stays too large");
+    draft.reason("noise", &why);
 }
 
 /// The scatter of pressures against the heights of a track over five seconds, 1σ of one \[Pa\]; zero if it is unknown.
@@ -551,11 +444,11 @@ fn against_heights(t: &[f64], pressures: &[f64], track: &Track) -> f64 {
 }
 
 /// The current as a state.
-fn drift(text: &mut Text, why: &str) {
-    text.line(
-        "current = { estimate = true, initial = [0, 0, 0], sigma = [\"0.5 m/s\", \"0.5 m/s\", 0], random_walk = [\"5 mm/s/sqrt(s)\", \"5 mm/s/sqrt(s)\", 0] }",
-        why,
-    );
+fn drift(draft: &mut Draft, why: &str) {
+    let level = |each: &str| list([Value::from(each), each.into(), 0.into()]);
+    state(draft, "current", list([0, 0, 0]), level("0.5 m/s"));
+    draft.set("current.random_walk", level("5 mm/s/sqrt(s)"));
+    draft.reason("current", why);
 }
 
 /// Why a speed is taken as a speed through the water, if the current is found.

@@ -1,13 +1,14 @@
 //! The tables of sources.
 
-use super::toml::{Text, array, quoted};
+use super::draft::{Draft, list, number};
 use crate::inspect::log::Log;
 use crate::inspect::numbers::Vec3;
 use crate::inspect::pair::{cross, dot, horizontal};
-use crate::inspect::signal::{Kind, Signal, of_unit};
+use crate::inspect::signal::{Kind, Signal};
 use crate::inspect::words::{Words, contains};
 use crate::inspect::{Clock, Form, Inspection, Origin};
 use fusion::source::table::utc_text;
+use toml_edit::{InlineTable, Value};
 
 /// Above this share, repeated rows are not separate measurements.
 const REPEATED: f64 = 0.1;
@@ -17,138 +18,87 @@ const ZEROS: f64 = 0.01;
 const DRIFT: f64 = 0.05;
 
 impl Inspection {
-    /// `[source.NAME]` with the channels of these kinds, and an extra line.
-    pub(super) fn source(&self, text: &mut Text, name: &str, k: usize, kinds: &[Kind], more: &str) {
+    /// `[source.NAME]` with the channels of these kinds. `keep` is a key and its number of rows.
+    pub(super) fn source(&self, draft: &mut Draft, name: &str, k: usize, kinds: &[Kind], keep: Option<(&str, usize)>) {
         let log = &self.logs[k];
         let Some(clock) = &log.clock else { return };
-        text.table(&format!("source.{name}"));
-        text.quoted("type", log.table.format.name);
+        draft.table(&format!("source.{name}"));
+        draft.set("type", log.table.format.name);
         let path = log.table.path.strip_prefix(self.common()).unwrap_or(&log.table.path);
-        text.quoted("path", &path.display().to_string());
-        if !["", ","].contains(&log.table.delimiter.as_str()) {
-            text.quoted("delimiter", &log.table.delimiter);
-        }
-        self.text_of(text, log);
-        if !log.table.header {
-            text.line(
-                "header = false",
-                "guessed: the first line holds numbers only; columns are called 1, 2, …",
-            );
-        }
-        self.time(text, name, log, clock);
+        draft.set("path", path.display().to_string());
+        text_of(draft, log);
+        self.time(draft, name, log, clock);
         let signals: Vec<&Signal> = kinds.iter().filter_map(|kind| log.signal(*kind)).collect();
-        self.rows(text, k, &signals);
-        text.reads(k, signals.iter().flat_map(|s| s.columns.iter().map(|c| c.0)));
+        rows(draft, k, log, &signals);
+        draft.reads(k, signals.iter().flat_map(|s| s.columns.iter().map(|c| c.0)));
         if name == "imu" || name == "attitude_reference" {
-            let increments = signals.iter().any(|s| s.increment);
-            text.line(&format!("rate = \"{:.3} Hz\"", clock.rate), "the median interval");
-            if increments {
-                text.line("interval = \"nominal\"", "guessed: the unit samples evenly, its stamps jitter");
+            draft.guess("rate", format!("{:.3} Hz", clock.rate), "the median interval");
+            if signals.iter().any(|s| s.increment) {
+                draft.guess("interval", "nominal", "guessed: the unit samples evenly, its stamps jitter");
             }
         }
-        if !more.is_empty() {
-            text.line(more, "");
+        if let Some((key, every)) = keep {
+            draft.set(key, every as i64);
         }
-        text.line(&format!("[source.{name}.channels]"), "");
+        draft.channels(name);
         for signal in signals {
-            self.channel(text, name, log, signal);
+            self.channel(draft, name, log, signal);
         }
     }
 
-    /// The text format: comments, and lines that are no rows.
-    fn text_of(&self, text: &mut Text, log: &Log) {
-        let table = &log.table;
-        if let Some(mark) = table.comment {
-            text.line(&format!("comment = {}", quoted(mark)), "the file begins with such lines");
-        }
-        if table.is_commented {
-            text.line("header = \"comment\"", "the last comment names the columns");
-        }
-        if let Some(names) = &table.names {
-            text.line(
-                &format!("names = {}", array(names)),
-                "a name of the file stands for several columns: that of the line below is added",
-            );
-        }
-        if table.skip > 0 {
-            text.line(&format!("skip = {}", table.skip), "the lines before the rows that are no rows");
-        }
-    }
-
-    fn time(&self, text: &mut Text, name: &str, log: &Log, clock: &Clock) {
-        let mut parts = Vec::new();
-        let name_of = |column: usize| quoted(&log.table.columns[column].name);
+    fn time(&self, draft: &mut Draft, name: &str, log: &Log, clock: &Clock) {
+        let name_of = |column: usize| log.table.columns[column].name.as_str();
+        let has_own = log.table.format.has_own_clock;
         if clock.form == Form::Even {
-            parts.push(format!("rate = \"{} Hz\"", clock.rate));
-        } else if !log.table.format.has_own_clock {
-            parts.push(format!("column = {}", name_of(clock.column)));
+            draft.set("time.rate", format!("{} Hz", clock.rate));
+        } else if !has_own {
+            draft.set("time.column", name_of(clock.column));
             if let Some(calendar) = &log.table.columns[clock.column].calendar {
-                parts.extend(calendar.date.map(|date| format!("date = {}", name_of(date))));
-                parts.push(format!("calendar = \"{}\"", calendar.scale));
-                parts.extend(clock.day.as_ref().map(|day| format!("day = \"{}\"", day.date)));
-            } else if clock.form == Form::Counter {
-                parts.push(format!("rate = \"{} Hz\"", clock.rate));
-            } else if clock.unit != "s" {
-                parts.push(format!("unit = \"{}\"", clock.unit));
-            }
-            if let Form::Sum { second, each } = clock.form {
-                parts.push(format!("plus = {{ column = {}, each = \"{each}\" }}", name_of(second)));
-            }
-            if let Form::Recordings { second, each } = clock.form {
-                parts.push(format!("plus = {{ column = {}, each = \"{each} s\" }}", name_of(second)));
-            }
-            if clock.form != Form::Calendar {
-                match clock.origin {
-                    Origin::Unknown => {}
-                    Origin::Gps => parts.push("counts_from = \"gps\"".to_owned()),
-                    Origin::Unix => parts.push("counts_from = \"unix\"".to_owned()),
+                if let Some(date) = calendar.date {
+                    draft.set("time.date", name_of(date));
                 }
+                draft.set("time.calendar", calendar.scale.to_string());
+                if let Some(day) = &clock.day {
+                    draft.set("time.day", day.date.to_string());
+                }
+            } else if clock.form == Form::Counter {
+                draft.set("time.rate", format!("{} Hz", clock.rate));
+            } else if clock.unit != "s" {
+                draft.set("time.unit", clock.unit);
+            }
+            let plus = match clock.form {
+                Form::Sum { second, each } => Some((second, each.to_string())),
+                Form::Recordings { second, each } => Some((second, format!("{each} s"))),
+                _ => None,
+            };
+            if let Some((second, each)) = plus {
+                draft.set("time.plus.column", name_of(second));
+                draft.set("time.plus.each", each);
+            }
+            if let (false, Some(origin)) = (clock.form == Form::Calendar, clock.origin.name()) {
+                draft.set("time.counts_from", origin);
             }
         }
         if let Some(begin) = self.epoch() {
-            parts.push(match clock.origin {
-                Origin::Unknown => format!("epoch = {}", epoch(begin, clock.unit)),
-                _ => format!("epoch = \"{}\"", utc_text(begin as i64)),
-            });
+            match clock.origin {
+                Origin::Unknown => draft.set("time.epoch", number(&epoch(begin, clock.unit))),
+                _ => draft.set("time.epoch", utc_text(begin as i64)),
+            }
         }
+        let drift = self.drift().filter(|_| name == "imu");
         if clock.shift != 0.0 {
-            parts.push(format!("offset = \"{:.2} s\"", clock.shift));
+            draft.set("time.offset", format!("{:.2} s", clock.shift));
         }
-        if let Some(scale) = self.drift().filter(|_| name == "imu") {
-            parts.push(format!("scale = {scale:.9}"));
+        if let Some(scale) = drift {
+            draft.set("time.scale", number(&format!("{scale:.9}")));
         }
         if clock.ties > 0 {
-            parts.push("ties = \"skip\"".to_owned());
+            draft.set("time.ties", "skip");
         }
         if clock.backwards > 0 {
-            parts.push("backwards = \"skip\"".to_owned());
+            draft.set("time.backwards", "skip");
         }
-        if parts.is_empty() {
-            return;
-        }
-        let mut why = match clock.form {
-            _ if log.table.format.has_own_clock => Vec::new(),
-            Form::Count | Form::Recordings { .. } => vec![format!("unit: {}", clock.why)],
-            _ if clock.day.is_none() => vec![clock.why.clone()],
-            _ => Vec::new(),
-        };
-        why.extend(clock.why_day());
-        if let Form::Recordings { second, .. } = clock.form {
-            let number = &log.table.columns[second].name;
-            why.push(format!(
-                "guessed: the clock begins anew with each `{number}`, so they are put one after the other"
-            ));
-        }
-        if clock.origin == Origin::Unix {
-            why.push("counted since 1970, guessed: so it is of the time of the other files".to_owned());
-        }
-        if clock.shift != 0.0 {
-            why.push("offset guessed: there its turns agree with the positions".to_owned());
-        }
-        if parts.iter().any(|p| p.starts_with("scale")) {
-            why.push("scale guessed: the lag against the positions changes over the log".to_owned());
-        }
-        text.line(&format!("time = {{ {} }}", parts.join(", ")), &why.join("; "));
+        draft.reason("time", &why_time(log, clock, drift.is_some()));
     }
 
     /// The second that stamps are counted from, if they would be large otherwise.
@@ -164,46 +114,7 @@ impl Inspection {
         ((last - first).abs() > DRIFT).then(|| 1.0 + (last - first) / between)
     }
 
-    /// The rows that are used.
-    fn rows(&self, text: &mut Text, k: usize, signals: &[&Signal]) {
-        let log = &self.logs[k];
-        if log.table.malformed > 0 || signals.iter().any(|s| log.missing(s) > 0.0) {
-            text.line("bad_rows = \"skip\"", "some rows are cut off or lack numbers");
-        }
-        let repeated = signals.iter().map(|s| log.repeats(s).share).reduce(f64::min);
-        if let Some(repeated) = repeated.filter(|share| *share > REPEATED && log.repeats_are_copies(signals)) {
-            let why = format!("{:.0} % of the rows repeat the one before", 100.0 * repeated);
-            text.line("repeats = \"drop\"", &why);
-        }
-        // The conditions on rows, each with its reason.
-        let mut conditions: Vec<(String, String)> = Vec::new();
-        if let Some(instances) = &log.instances {
-            let (name, first) = (quoted(&log.table.columns[instances.column].name), instances.numbers[0]);
-            text.reads(k, [instances.column]);
-            let why = format!("{} instruments are in this file; the first one", instances.numbers.len());
-            conditions.push((format!("{{ column = {name}, equals = {first} }}"), why));
-        }
-        let is_place = |s: &Signal| matches!(s.kind, Kind::Geodetic | Kind::Local);
-        let position = signals.iter().copied().find(|s| is_place(s));
-        // A depth in the columns of a position is valid when the position is.
-        let is_within = |s: &&Signal| signals.iter().any(|own| s.columns.iter().any(|c| own.columns.contains(c)));
-        let position = position.or_else(|| log.signals.iter().filter(|s| is_place(s)).find(is_within));
-        if let Some((column, condition, why)) = position.and_then(|position| validity(log, position)) {
-            text.reads(k, [column]);
-            conditions.push((format!("{{ {condition} }}"), why));
-        }
-        let (conditions, why): (Vec<String>, Vec<String>) = conditions.into_iter().unzip();
-        match conditions.as_slice() {
-            [] => {}
-            [only] => text.line(&format!("valid = {only}"), &why[0]),
-            all => text.line(&format!("valid = [{}]", all.join(", ")), &why.join("; ")),
-        }
-    }
-
-    fn channel(&self, text: &mut Text, source: &str, log: &Log, signal: &Signal) {
-        let names = signal.names(&log.table);
-        let unit = |u: &str| if u.is_empty() { String::new() } else { format!(", unit = \"{u}\"") };
-        let columns = format!("columns = {}{}", array(&names), unit(&signal.unit));
+    fn channel(&self, draft: &mut Draft, source: &str, log: &Log, signal: &Signal) {
         // A filter in the plane has no height to judge.
         let is_judge = matches!(source, "withheld" | "reference");
         let is_in_plane = is_judge && self.driver() == Some(super::Driver::Odometer);
@@ -212,160 +123,174 @@ impl Inspection {
             Kind::PositionSigma => is_in_plane && log.has(Kind::Geodetic),
             _ => false,
         };
-        let body = match signal.kind {
-            Kind::SpecificForce | Kind::AngularRate | Kind::MagneticField => {
-                let mut body = match (signal.kind, signal.unit.as_str()) {
-                    (Kind::SpecificForce, "counts") => {
-                        format!("columns = {}, unit = \"m/s^2\", scale = {:.9}", array(&names), signal.factor)
-                    }
-                    _ => columns,
-                };
-                body += &self.axes();
-                body += if signal.increment {
-                    ", increment = true"
-                } else if is_recorded(signal, log) || source == "magnetometer" {
-                    ""
-                } else {
-                    ", average = true"
-                };
-                body
-            }
-            // The judge has the latency of the sensor that reads other rows of it.
-            Kind::Velocity => {
-                let late = self.lag().filter(|_| source == "withheld").map_or_else(String::new, latency);
-                over_ground(log, signal).unwrap_or(columns) + &late
-            }
-            Kind::BodyVelocity => columns,
+        if signal.kind == Kind::Wheels {
+            return self.side_channels(draft, log, signal);
+        }
+        if signal.kind == Kind::Euler {
+            self.undecided_heading(draft, &signal.names(&log.table));
+        }
+        let is_flat = signal.columns.len() < 3;
+        let is_horizontal = match signal.kind {
+            Kind::Geodetic => is_flat || is_in_plane,
+            Kind::Velocity => is_flat,
+            _ => is_of_flat,
+        };
+        let name = if is_horizontal {
+            format!("horizontal_{}", channel_name(signal.kind))
+        } else {
+            channel_name(signal.kind).to_owned()
+        };
+        let Some(body) = self.body(source, log, signal, is_horizontal) else {
+            return;
+        };
+        for (key, value) in body {
+            draft.set(&format!("{name}.{key}"), value);
+        }
+        let why = if !matches!(signal.kind, Kind::SpecificForce | Kind::AngularRate) || signal.increment {
+            ""
+        } else if is_recorded(signal, log) {
+            "; means over the interval, as `fusion record` writes them"
+        } else {
+            "; `average`: taken as instants, nothing here tells them from means over the interval"
+        };
+        draft.reason(&name, &format!("guessed {}{why}", signal.why));
+    }
+
+    /// The entries of a channel; `None` if no sensor reads such a signal.
+    fn body(&self, source: &str, log: &Log, signal: &Signal, is_horizontal: bool) -> Option<Vec<(&'static str, Value)>> {
+        let names = signal.names(&log.table);
+        let unit = (!signal.unit.is_empty()).then(|| ("unit", Value::from(signal.unit.as_str())));
+        // The judge has the latency of the sensor that reads other rows of it.
+        let late = |lag: Option<f64>| latency(lag.filter(|_| source == "withheld"));
+        let columns = |names: &[String]| ("columns", list(names.iter().cloned()));
+        let mut body = match signal.kind {
+            Kind::SpecificForce | Kind::AngularRate | Kind::MagneticField => self.vector(source, log, signal),
+            Kind::Velocity => over_ground(log, signal).unwrap_or_else(|| [columns(&names)].into_iter().chain(unit).collect()),
+            Kind::BodyVelocity => [columns(&names)].into_iter().chain(unit).collect(),
             Kind::PositionSigma | Kind::VelocitySigma => {
-                let axes = if is_of_flat { 2 } else { 3 };
-                format!("columns = {}{}", array(&names[..axes.min(names.len())]), of_unit(&signal.unit))
+                let axes = if is_horizontal { 2 } else { 3 };
+                let variance = signal.is_variance().then(|| ("variance", true.into()));
+                [columns(&names[..axes.min(names.len())])]
+                    .into_iter()
+                    .chain(unit)
+                    .chain(variance)
+                    .collect()
             }
-            Kind::Speed | Kind::YawRate | Kind::Depth | Kind::Pressure => format!("column = {}{}", quoted(&names[0]), unit(&signal.unit)),
+            Kind::Speed | Kind::YawRate | Kind::Depth | Kind::Pressure => {
+                [("column", names[0].as_str().into())].into_iter().chain(unit).collect()
+            }
             Kind::Geodetic => {
-                let late = self
-                    .late_position()
-                    .filter(|_| source == "withheld")
-                    .map_or_else(String::new, latency);
-                let height = names
-                    .get(2)
-                    .filter(|_| !is_in_plane)
-                    .map_or_else(String::new, |height| format!(", height = {}", quoted(height)));
-                format!(
-                    "latitude = {}, longitude = {}{height}, unit = \"{}\"{late}",
-                    quoted(&names[0]),
-                    quoted(&names[1]),
-                    signal.unit
-                )
+                let mut body = vec![("latitude", names[0].as_str().into()), ("longitude", names[1].as_str().into())];
+                body.extend(
+                    names
+                        .get(2)
+                        .filter(|_| !is_horizontal)
+                        .map(|height| ("height", height.as_str().into())),
+                );
+                body.push(("unit", signal.unit.as_str().into()));
+                body
             }
             Kind::Local => {
                 let vertical = if signal.columns.get(2).is_some_and(|c| c.1) { "up" } else { "down" };
-                let third = names.get(2).map_or(String::new(), |n| n.trim_start_matches('-').to_owned());
-                format!(
-                    "north = {}, east = {}, {vertical} = {}{}",
-                    quoted(&names[0]),
-                    quoted(&names[1]),
-                    quoted(&third),
-                    unit(if signal.unit == "m" { "" } else { &signal.unit })
-                )
+                let third = names.get(2).map_or("", |n| n.trim_start_matches('-'));
+                let mut body = vec![
+                    ("north", names[0].as_str().into()),
+                    ("east", names[1].as_str().into()),
+                    (vertical, third.into()),
+                ];
+                body.extend(unit.filter(|_| signal.unit != "m"));
+                body
             }
             Kind::Quaternion => {
-                let world = if !log.has(Kind::Geodetic) {
-                    ", navigation_rotation = { axes = [\"y\", \"x\", \"-z\"] }"
-                } else {
-                    ""
-                };
-                let body = if log.has(Kind::Geodetic) { String::new() } else { self.axes() };
-                format!("quaternion = {}{world}{body}", array(&names))
+                let mut body = vec![("quaternion", list(names))];
+                if !log.has(Kind::Geodetic) {
+                    let world = [("axes", list(["y", "x", "-z"]))];
+                    body.push(("navigation_rotation", world.into_iter().collect::<InlineTable>().into()));
+                    body.extend(self.axes());
+                }
+                body
             }
-            Kind::Euler => {
-                self.undecided_heading(text, &names);
-                self.euler(&names, &signal.unit)
-            }
+            Kind::Euler => self.euler(&names, &signal.unit),
             Kind::Heading => {
                 let yaw = self.yaw.filter(|yaw| yaw.is_decided());
                 let sign = if yaw.is_none_or(|yaw| yaw.is_clockwise) { "" } else { "-" };
-                let name = format!("{sign}{}", names[0]);
-                format!("column = {}{}{}", quoted(&name), unit(&signal.unit), self.quarter("\"{} deg\""))
+                let mut body = vec![("column", format!("{sign}{}", names[0]).into())];
+                body.extend(unit);
+                body.extend(self.quarter().map(|quarter| ("offset", quarter.into())));
+                body
             }
-            Kind::Wheels | Kind::GroundSpeed => return,
+            Kind::Wheels | Kind::GroundSpeed => return None,
         };
-        let is_flat = signal.columns.len() < 3 || is_in_plane;
-        let is_horizontal = signal.kind == Kind::Geodetic && is_flat;
-        let name = if is_horizontal {
-            "horizontal_position"
-        } else if signal.kind == Kind::Velocity && signal.columns.len() < 3 {
-            "horizontal_velocity"
-        } else if is_of_flat {
-            match signal.kind {
-                Kind::PositionSigma => "horizontal_position_sigma",
-                _ => "horizontal_velocity_sigma",
-            }
-        } else {
-            channel_name(signal.kind)
-        };
-        let mut why = format!("guessed {}", signal.why);
-        if matches!(signal.kind, Kind::SpecificForce | Kind::AngularRate) && !signal.increment {
-            why += if is_recorded(signal, log) {
-                "; means over the interval, as `fusion record` writes them"
-            } else {
-                "; `average`: taken as instants, nothing here tells them from means over the interval"
-            };
+        body.extend(match signal.kind {
+            Kind::Velocity => late(self.lag()),
+            Kind::Geodetic => late(self.late_position()),
+            _ => None,
+        });
+        Some(body)
+    }
+
+    /// The entries of a vector along the axes of its unit.
+    fn vector(&self, source: &str, log: &Log, signal: &Signal) -> Vec<(&'static str, Value)> {
+        let mut body = vec![("columns", list(signal.names(&log.table)))];
+        if signal.kind == Kind::SpecificForce && signal.unit == "counts" {
+            body.push(("unit", "m/s^2".into()));
+            body.push(("scale", number(&format!("{:.9}", signal.factor))));
+        } else if !signal.unit.is_empty() {
+            body.push(("unit", signal.unit.as_str().into()));
         }
-        text.line(&format!("{name} = {{ {body} }}"), &why);
+        body.extend(self.axes());
+        if signal.increment {
+            body.push(("increment", true.into()));
+        } else if !is_recorded(signal, log) && source != "magnetometer" {
+            body.push(("average", true.into()));
+        }
+        body
     }
 
     /// The choices if the course does not determine the convention of the heading.
-    fn undecided_heading(&self, text: &mut Text, names: &[String]) {
+    fn undecided_heading(&self, draft: &mut Draft, names: &[String]) {
         let Some(yaw) = self.yaw.filter(|yaw| !yaw.is_decided()) else {
             return;
         };
-        text.comment(&format!(
+        draft.note(&format!(
             "not decided: the heading agrees with the course to {:.2} of 1 only. It is read as clockwise from north:",
             yaw.agreement
         ));
         let against = [names[0].clone(), format!("-{}", names[1]), format!("-{}", names[2])];
-        text.comment(&format!(
+        draft.note(&format!(
             "`rpy = {}`; if it counts anti-clockwise from east: `rpy = {}` with `offset = [0, 0, \"90 deg\"]`",
-            array(names),
-            array(&against)
+            list(names.iter().cloned()),
+            list(against)
         ));
     }
 
     /// Roll, pitch, yaw: for an aeroplane, or for axes forward, left, up if the heading counts anti-clockwise.
-    fn euler(&self, names: &[String], unit: &str) -> String {
-        let Some(yaw) = self.yaw.filter(|yaw| yaw.is_decided()) else {
-            return format!("rpy = {}, unit = \"{unit}\"", array(names));
-        };
-        let offset = self.quarter("[0, 0, \"{} deg\"]");
-        let against = |name: &String| if yaw.is_clockwise { name.clone() } else { format!("-{name}") };
-        let all = [names[0].clone(), against(&names[1]), against(&names[2])];
-        format!("rpy = {}, unit = \"{unit}\"{offset}", array(&all))
+    fn euler(&self, names: &[String], unit: &str) -> Vec<(&'static str, Value)> {
+        let is_against = self.yaw.is_some_and(|yaw| yaw.is_decided() && !yaw.is_clockwise);
+        let signed = |(k, name): (usize, &String)| if is_against && k > 0 { format!("-{name}") } else { name.clone() };
+        let rpy = list(names.iter().take(3).enumerate().map(signed));
+        let offset = self
+            .quarter()
+            .map(|quarter| ("offset", list([Value::from(0), 0.into(), quarter.into()])));
+        [("rpy", rpy), ("unit", unit.into())].into_iter().chain(offset).collect()
     }
 
-    /// `offset` of a recorded heading, in this form, rounded to quarter turns: the rest is the mounting of the
-    /// instrument.
-    fn quarter(&self, form: &str) -> String {
-        let yaw = self.yaw.filter(|yaw| yaw.is_decided());
-        let quarter = yaw.map_or(0.0, |yaw| 90.0 * (yaw.offset.to_degrees() / 90.0).round());
-        if quarter == 0.0 {
-            String::new()
-        } else {
-            format!(", offset = {}", form.replace("{}", &quarter.to_string()))
-        }
+    /// The `offset` of a recorded heading, rounded to quarter turns: the rest is the mounting of the instrument.
+    fn quarter(&self) -> Option<String> {
+        let yaw = self.yaw.filter(|yaw| yaw.is_decided())?;
+        let quarter = 90.0 * (yaw.offset.to_degrees() / 90.0).round();
+        (quarter != 0.0).then(|| format!("{quarter} deg"))
     }
 
-    /// `rotation` from the sensor's axes to forward, right, down; empty if they are the same.
-    fn axes(&self) -> String {
-        let Some(axes) = self.body_axes() else { return String::new() };
+    /// `rotation` from the sensor's axes to forward, right, down; `None` if they are the same.
+    fn axes(&self) -> Option<(&'static str, Value)> {
         let named = |v: Vec3| {
             let k = (0..3).find(|k| v[*k].abs() > 0.5).unwrap_or(0);
             crate::inspect::page::axis((k, v[k] < 0.0))
         };
-        let all = axes.map(named);
-        if all == ["x", "y", "z"] {
-            return String::new();
-        }
-        format!(", rotation = {{ axes = {} }}", array(&all))
+        let all = self.body_axes()?.map(named);
+        let rotation = [("axes", list(all.clone()))].into_iter().collect::<InlineTable>();
+        (all != ["x", "y", "z"]).then(|| ("rotation", rotation.into()))
     }
 
     /// A vector in the sensor's axes, transformed to body axes.
@@ -392,6 +317,111 @@ impl Inspection {
         let forward = self.pair.and_then(|p| p.ahead());
         let angle = forward.map_or(0.0, |(angle, _)| angle);
         ((angle / core::f64::consts::FRAC_PI_2).round() as i32).rem_euclid(4)
+    }
+}
+
+/// The text format: comments, and lines that are no rows.
+fn text_of(draft: &mut Draft, log: &Log) {
+    let table = &log.table;
+    if !["", ","].contains(&table.delimiter.as_str()) {
+        draft.set("delimiter", table.delimiter.as_str());
+    }
+    if let Some(mark) = table.comment {
+        draft.guess("comment", mark, "the file begins with such lines");
+    }
+    if table.is_commented {
+        draft.guess("header", "comment", "the last comment names the columns");
+    }
+    if let Some(names) = &table.names {
+        let why = "a name of the file stands for several columns: that of the line below is added";
+        draft.guess("names", list(names.iter().cloned()), why);
+    }
+    if table.skip > 0 {
+        draft.guess("skip", table.skip as i64, "the lines before the rows that are no rows");
+    }
+    if !table.header {
+        let why = "guessed: the first line holds numbers only; columns are called 1, 2, …";
+        draft.guess("header", false, why);
+    }
+}
+
+/// The reasons for the declaration of a clock.
+fn why_time(log: &Log, clock: &Clock, is_scaled: bool) -> String {
+    let mut why = match clock.form {
+        _ if log.table.format.has_own_clock => Vec::new(),
+        Form::Count | Form::Recordings { .. } => vec![format!("unit: {}", clock.why)],
+        _ if clock.day.is_none() => vec![clock.why.clone()],
+        _ => Vec::new(),
+    };
+    why.extend(clock.why_day());
+    if let Form::Recordings { second, .. } = clock.form {
+        let number = &log.table.columns[second].name;
+        why.push(format!(
+            "guessed: the clock begins anew with each `{number}`, so they are put one after the other"
+        ));
+    }
+    if clock.origin == Origin::Unix {
+        why.push("counted since 1970, guessed: so it is of the time of the other files".to_owned());
+    }
+    if clock.shift != 0.0 {
+        why.push("offset guessed: there its turns agree with the positions".to_owned());
+    }
+    if is_scaled {
+        why.push("scale guessed: the lag against the positions changes over the log".to_owned());
+    }
+    why.join("; ")
+}
+
+/// The rows that are used.
+fn rows(draft: &mut Draft, k: usize, log: &Log, signals: &[&Signal]) {
+    if log.table.malformed > 0 || signals.iter().any(|s| log.missing(s) > 0.0) {
+        draft.guess("bad_rows", "skip", "some rows are cut off or lack numbers");
+    }
+    let repeated = signals.iter().map(|s| log.repeats(s).share).reduce(f64::min);
+    if let Some(repeated) = repeated.filter(|share| *share > REPEATED && log.repeats_are_copies(signals)) {
+        let why = format!("{:.0} % of the rows repeat the one before", 100.0 * repeated);
+        draft.guess("repeats", "drop", &why);
+    }
+    let mut conditions: Vec<Condition> = Vec::new();
+    if let Some(instances) = &log.instances {
+        let why = format!("{} instruments are in this file; the first one", instances.numbers.len());
+        conditions.push(Condition {
+            column: instances.column,
+            key: "equals",
+            value: instances.numbers[0],
+            why,
+        });
+    }
+    let is_place = |s: &Signal| matches!(s.kind, Kind::Geodetic | Kind::Local);
+    let position = signals.iter().copied().find(|s| is_place(s));
+    // A depth in the columns of a position is valid when the position is.
+    let is_within = |s: &&Signal| signals.iter().any(|own| s.columns.iter().any(|c| own.columns.contains(c)));
+    let position = position.or_else(|| log.signals.iter().filter(|s| is_place(s)).find(is_within));
+    conditions.extend(position.and_then(|position| validity(log, position)));
+    draft.reads(k, conditions.iter().map(|c| c.column));
+    let all: Vec<InlineTable> = conditions.iter().map(|c| c.table(log)).collect();
+    let why: Vec<&str> = conditions.iter().map(|c| c.why.as_str()).collect();
+    match <[InlineTable; 1]>::try_from(all) {
+        Ok([only]) => draft.guess("valid", only, &why.join("; ")),
+        Err(all) if all.is_empty() => {}
+        Err(all) => draft.guess("valid", list(all), &why.join("; ")),
+    }
+}
+
+/// A condition on rows, with its reason.
+struct Condition {
+    column: usize,
+    key: &'static str,
+    value: f64,
+    why: String,
+}
+
+impl Condition {
+    fn table(&self, log: &Log) -> InlineTable {
+        let column = Value::from(log.table.columns[self.column].name.as_str());
+        [("column", column), (self.key, number(&self.value.to_string()))]
+            .into_iter()
+            .collect()
     }
 }
 
@@ -425,44 +455,33 @@ const fn channel_name(kind: Kind) -> &'static str {
 }
 
 /// A velocity as speed and course; `None` for a velocity along axes.
-fn over_ground(log: &Log, signal: &Signal) -> Option<String> {
+fn over_ground(log: &Log, signal: &Signal) -> Option<Vec<(&'static str, Value)>> {
     let course_unit = signal.course?;
-    let name = |k: usize| quoted(&log.table.columns[signal.columns[k].0].name);
-    let vertical = signal.columns.get(2).map_or_else(String::new, |(_, is_up)| {
+    let name = |k: usize| Value::from(log.table.columns[signal.columns[k].0].name.as_str());
+    let column = |k: usize, unit: &str| -> Value {
+        let entries = [("column", name(k)), ("unit", unit.into())];
+        entries.into_iter().collect::<InlineTable>().into()
+    };
+    let mut body = vec![("speed", column(0, &signal.unit)), ("course", column(1, course_unit))];
+    body.extend(signal.columns.get(2).map(|(_, is_up)| {
         let key = if *is_up { "up" } else { "down" };
-        format!(", {key} = {{ column = {}, unit = \"{}\" }}", name(2), signal.unit)
-    });
+        (key, column(2, &signal.unit))
+    }));
     let missing = |k: usize| {
-        let of = |k: usize| {
-            log.table.columns[signal.columns[k].0]
-                .values
-                .iter()
-                .filter(|v| !v.is_finite())
-                .count()
-        };
-        of(k) > of(0)
+        let values = &log.table.columns[signal.columns[k].0].values;
+        values.iter().filter(|v| !v.is_finite()).count()
     };
     // A vehicle at rest has no course.
-    let valid = if missing(1) {
-        format!(", valid = {{ column = {}, not_equals = \"\" }}", name(1))
-    } else {
-        String::new()
-    };
-    Some(format!(
-        "speed = {{ column = {}, unit = \"{}\" }}, course = {{ column = {}, unit = \"{course_unit}\" }}{vertical}{valid}",
-        name(0),
-        signal.unit,
-        name(1)
-    ))
+    if missing(1) > missing(0) {
+        let entries = [("column", name(1)), ("not_equals", "".into())];
+        body.push(("valid", entries.into_iter().collect::<InlineTable>().into()));
+    }
+    Some(body)
 }
 
 /// The `latency` of a late channel \[s\].
-fn latency(lag: f64) -> String {
-    if lag > 0.0 {
-        format!(", latency = \"{lag:.2} s\"")
-    } else {
-        String::new()
-    }
+fn latency(lag: Option<f64>) -> Option<(&'static str, Value)> {
+    lag.filter(|lag| *lag > 0.0).map(|lag| ("latency", format!("{lag:.2} s").into()))
 }
 
 /// A whole second in stamps of this unit.
@@ -476,16 +495,16 @@ fn epoch(seconds: f64, unit: &str) -> String {
     format!("{seconds:.0}{}", "0".repeat(zeros))
 }
 
-/// The column that shows whether a position is valid, the condition, and the reason.
-fn validity(log: &Log, position: &Signal) -> Option<(usize, String, String)> {
+/// The condition that a position is valid.
+fn validity(log: &Log, position: &Signal) -> Option<Condition> {
+    let condition = |column, key, value, why| Some(Condition { column, key, value, why });
     let words: Vec<Words> = log.table.columns.iter().map(|c| Words::of(c.called())).collect();
     let first = words[position.columns[0].0].stem.split('_').next().unwrap_or_default().to_owned();
     let flag = words
         .iter()
         .position(|w| contains(&w.stem, &["valid"]) && w.stem.starts_with(&first));
     if let Some(k) = flag {
-        let name = quoted(&log.table.columns[k].name);
-        return Some((k, format!("column = {name}, equals = 1"), "guessed by its name".to_owned()));
+        return condition(k, "equals", 1.0, "guessed by its name".to_owned());
     }
     let quality = words
         .iter()
@@ -497,16 +516,12 @@ fn validity(log: &Log, position: &Signal) -> Option<(usize, String, String)> {
         let usual = if is_flag { 1.0 } else { log.typical(k) };
         let others = log.table.columns[k].values.iter().filter(|v| **v != usual).count();
         if others > 0 && usual.fract() == 0.0 {
-            let name = quoted(&log.table.columns[k].name);
-            return Some((
-                k,
-                format!("column = {name}, equals = {usual}"),
-                if is_flag {
-                    format!("guessed: of 0 and 1, 0 means no fix; {others} rows have it")
-                } else {
-                    format!("guessed: the usual one; {others} rows have another")
-                },
-            ));
+            let why = if is_flag {
+                format!("guessed: of 0 and 1, 0 means no fix; {others} rows have it")
+            } else {
+                format!("guessed: the usual one; {others} rows have another")
+            };
+            return condition(k, "equals", usual, why);
         }
     }
     if log.zeros(position) < ZEROS {
@@ -517,7 +532,5 @@ fn validity(log: &Log, position: &Signal) -> Option<(usize, String, String)> {
         100.0 * log.zeros(position)
     );
     // A height may be zero or negative; the first column of a place is zero only by chance.
-    let k = position.columns.first()?.0;
-    let name = quoted(&log.table.columns[k].name);
-    Some((k, format!("column = {name}, not_equals = 0"), share))
+    condition(position.columns.first()?.0, "not_equals", 0.0, share)
 }

@@ -1,7 +1,7 @@
 //! An inertial unit with positions.
 
 use super::Told;
-use super::toml::Text;
+use super::draft::{Draft, list};
 use crate::inspect::numbers::norm;
 use crate::inspect::page::{degrees, vector};
 use crate::inspect::signal::Kind::{AngularRate, BodyVelocity, SpecificForce, Speed};
@@ -13,84 +13,69 @@ const SHAKEN: f64 = 3.0;
 const FLOOR: (f64, f64) = (8e-3, 2e-4);
 
 impl Inspection {
-    pub(super) fn strapdown(&self, text: &mut Text) {
+    pub(super) fn strapdown(&self, draft: &mut Draft) {
         let Some((k, imu)) = &self.imu else { return };
-        text.table("process");
-        text.quoted("type", "strapdown");
-        text.quoted("source", "imu");
-        self.noise(text, imu);
-        self.apart(text);
+        draft.part("strapdown");
+        self.noise(draft, imu);
+        self.apart(draft);
         if imu.stances.is_some() {
-            on_foot(text);
+            on_foot(draft);
         } else if let Some((force, rate)) = imu.agile {
-            shaken(text, "scale and alignment of gyros that turn fast");
-            text.line(
-                &format!(
-                    "agility = {{ acceleration = \"{:.0} m/s^2\", angular_rate = \"{:.0} deg/s\" }}",
-                    2.0 * force,
-                    2.0 * rate.to_degrees()
-                ),
-                "guessed: twice what all but one of a thousand samples stay below; what changes faster is a spike",
-            );
+            shaken(draft, "scale and alignment of gyros that turn fast");
+            draft.set("agility.acceleration", format!("{:.0} m/s^2", 2.0 * force));
+            draft.set("agility.angular_rate", format!("{:.0} deg/s", 2.0 * rate.to_degrees()));
+            let why = "guessed: twice what all but one of a thousand samples stay below; what changes faster is a spike";
+            draft.reason("agility", why);
         }
-        self.start(text, imu);
+        self.start(draft, imu);
         let is_car = self.is_road_vehicle();
-        text.section("aids");
-        self.position_sensors(text, true, None);
-        self.barometer(text);
-        self.compasses(text);
+        draft.part("aids");
+        self.position_sensors(draft, true, None);
+        self.barometer(draft);
+        self.compasses(draft);
         if is_car {
-            self.road(text, imu);
+            self.road(draft, imu);
         }
         if let Some(stances) = &imu.stances {
-            foot(text, stances);
+            foot(draft, stances);
         }
-        self.log_or_wheels(text);
-        self.water(text, false);
-        text.section("data");
-        text.comment(&format!(
+        self.log_or_wheels(draft);
+        self.water(draft, false);
+        draft.part("data");
+        draft.note(&format!(
             "guessed: mean force {} m/s² in sensor axes: {} is up",
             vector(imu.gravity, 2),
             crate::inspect::page::axis(imu.up)
         ));
-        text.comment(&self.ahead());
-        self.source(text, "imu", *k, &[AngularRate, SpecificForce], "");
-        self.position_source(text);
+        draft.note(&self.ahead());
+        self.source(draft, "imu", *k, &[AngularRate, SpecificForce], None);
+        self.position_source(draft);
     }
 
     /// An inertial unit on a foot, without positions: the path relative to its start.
-    pub(super) fn walk(&self, text: &mut Text) {
+    pub(super) fn walk(&self, draft: &mut Draft) {
         let Some((k, imu)) = &self.imu else { return };
         let Some(stances) = &imu.stances else { return };
-        text.table("process");
-        text.quoted("type", "strapdown");
-        text.quoted("source", "imu");
-        self.noise(text, imu);
-        self.apart(text);
-        on_foot(text);
-        self.levelling(text, imu);
+        draft.part("strapdown");
+        self.noise(draft, imu);
+        self.apart(draft);
+        on_foot(draft);
+        self.levelling(draft, imu);
         if self.told() == Told::Field {
-            by_field(text);
+            draft.part("heading by field");
         }
-        text.table("initial.start");
-        text.quoted("type", "explicit");
-        text.line("position_sigma = \"0.1 m\"", "the way is counted from here");
-        text.line("velocity = [0, 0, 0]", "");
-        text.line("velocity_sigma = \"0.1 m/s\"", "guessed: it starts at rest");
+        draft.part("start of a walk");
         if self.told() != Told::Field {
-            text.line("heading = \"0 deg\"", "");
-            text.line(
-                "heading_sigma = \"0.1 deg\"",
-                "by definition: no file tells north, so headings and the way count from where the unit's forward axis points at the start",
-            );
-            text.comment("Nothing gives the heading later: the way is relative to the start, and turns with the drift of the gyros.");
+            draft.set("heading", "0 deg");
+            draft.set("heading_sigma", "0.1 deg");
+            draft.note("Nothing gives the heading later: the way is relative to the start, and turns with the drift of the gyros.");
         }
-        text.section("aids");
-        self.compasses(text);
-        foot(text, stances);
-        text.section("data");
-        text.comment(&format!("guessed: {} is up", crate::inspect::page::axis(imu.up)));
-        self.source(text, "imu", *k, &[AngularRate, SpecificForce], "");
+        draft.part("aids");
+        self.compasses(draft);
+        foot(draft, stances);
+        draft.part("data");
+        draft.note(&format!("guessed: {} is up", crate::inspect::page::axis(imu.up)));
+        self.source(draft, "imu", *k, &[AngularRate, SpecificForce], None);
     }
 
     /// The reason for the forward axis.
@@ -115,7 +100,7 @@ impl Inspection {
     }
 
     /// Noise and biases.
-    fn noise(&self, text: &mut Text, imu: &Imu) {
+    fn noise(&self, draft: &mut Draft, imu: &Imu) {
         let is_foot = imu.stances.is_some();
         // A foot at rest is never quite still: its readings there give neither the noise nor the bias.
         let rest = imu.rest.as_ref().filter(|_| !is_foot);
@@ -126,147 +111,98 @@ impl Inspection {
             None if is_foot => "guessed: a foot that rests is never quite still; what a shaken unit has".to_owned(),
             None => "guessed: no rest in this log; what a shaken unit has".to_owned(),
         };
-        text.line(
-            &format!("gyro.noise = \"{rate:.1e} rad/s/sqrt(Hz)\""),
-            &why(rest.map(|r| r.gyro_noise)),
-        );
-        text.line(
-            &format!("accelerometer.noise = \"{force:.1e} m/s^2/sqrt(Hz)\""),
-            &why(rest.map(|r| r.accel_noise)),
-        );
-        let sigma = if rest.is_some() { "0.05 deg/s" } else { "0.5 deg/s" };
-        let (initial, found) = self.gyro_bias(rest);
-        text.line(
-            &format!("gyro.bias = {{ estimate = true, initial = {initial}, sigma = \"{sigma}\", random_walk = \"1e-5 rad/s/sqrt(s)\" }}"),
-            &format!("guessed: a micro-mechanical unit; see configs/parts/imu for data sheets{found}"),
-        );
-        text.line(
-            "accelerometer.bias = { estimate = true, initial = [0, 0, 0], sigma = \"0.1 m/s^2\", random_walk = \"1e-4 m/s^2/sqrt(s)\" }",
-            "guessed: the same",
-        );
+        draft.guess("gyro.noise", format!("{rate:.1e} rad/s/sqrt(Hz)"), &why(rest.map(|r| r.gyro_noise)));
+        let of_force = why(rest.map(|r| r.accel_noise));
+        draft.guess("accelerometer.noise", format!("{force:.1e} m/s^2/sqrt(Hz)"), &of_force);
+        draft.set("gyro.bias.sigma", if rest.is_some() { "0.05 deg/s" } else { "0.5 deg/s" });
+        let unit = "guessed: a micro-mechanical unit; see configs/parts/imu for data sheets";
+        self.gyro_bias(draft, "gyro.bias", rest, unit);
     }
 
-    /// The gyro bias in body axes and its origin, if it is large enough.
-    pub(super) fn gyro_bias(&self, rest: Option<&Rest>) -> (String, &'static str) {
+    /// The gyro bias in body axes, if it is large enough. `unit` is the reason for its 1σ.
+    pub(super) fn gyro_bias(&self, draft: &mut Draft, key: &str, rest: Option<&Rest>, unit: &str) {
         /// Ten times the 1σ of a bias found at rest [rad/s].
         const LARGE: f64 = 0.0087;
-        match rest.filter(|r| norm(r.bias) > LARGE) {
-            Some(r) => {
-                let bias = degrees(self.in_body(r.bias)).map(|b| format!("\"{b:.2} deg/s\""));
-                (format!("[{}]", bias.join(", ")), "; its mean rate at rest")
-            }
-            None => ("[0, 0, 0]".to_owned(), ""),
-        }
+        let Some(rest) = rest.filter(|r| norm(r.bias) > LARGE) else {
+            return draft.reason(key, unit);
+        };
+        let bias = degrees(self.in_body(rest.bias)).map(|b| format!("{b:.2} deg/s"));
+        draft.set(&format!("{key}.initial"), list(bias));
+        draft.reason(key, &format!("{unit}; its mean rate at rest"));
     }
 
     /// The initialisers.
-    fn start(&self, text: &mut Text, imu: &Imu) {
+    fn start(&self, draft: &mut Draft, imu: &Imu) {
         let Some((_, track)) = &self.position else { return };
-        self.levelling(text, imu);
-        text.table("initial.fix");
-        text.quoted("type", "first_fix");
-        text.quoted("source", "gnss");
-        self.first_height(text);
-        self.first_sigma(text, 1.5, "one and a half of the 1σ guessed below");
+        self.levelling(draft, imu);
+        draft.part("fix");
+        self.first_height(draft);
+        self.first_sigma(draft, 1.5, "one and a half of the 1σ guessed below");
         let told = self.told();
         // A first fix uses a velocity only if it has a vertical part.
         let takes_velocity = self.velocity.is_none() && !self.has_flat_velocity();
         if told == Told::Course && takes_velocity {
-            text.line("velocity_sigma = \"1 m/s\"", "guessed: it is late while the vehicle pulls away");
+            draft.set("velocity_sigma", "1 m/s");
         }
         match told {
-            Told::Course => self.by_course(text, track),
-            Told::Heading => {
-                text.table("initial.heading");
-                text.line("type = \"compass\"\nsource = \"heading\"", "");
-                text.line("sigma = \"10 deg\"", "guessed: deviation, declination, and how it is mounted");
-            }
-            Told::Field => {
-                by_field(text);
-            }
+            Told::Course => self.by_course(draft, track),
+            Told::Heading => draft.part("heading by compass"),
+            Told::Field => draft.part("heading by field"),
             Told::Nobody => {}
         }
         if told != Told::Course || !takes_velocity {
-            text.table("initial.start");
-            text.quoted("type", "explicit");
-            text.line("velocity = [0, 0, 0]", "");
+            draft.part("start");
             if told == Told::Course {
-                let fast = track.top_speed();
-                text.line(&format!("velocity_sigma = \"{fast:.1} m/s\""), "guessed: the usual top speed");
-            } else {
-                text.line("velocity_sigma = \"0.5 m/s\"", "guessed: it starts slowly");
+                draft.guess(
+                    "velocity_sigma",
+                    format!("{:.1} m/s", track.top_speed()),
+                    "guessed: the usual top speed",
+                );
             }
         }
         if told == Told::Nobody {
-            text.line("heading = \"0 deg\"", "");
-            text.line("heading_sigma = \"180 deg\"", "nothing gives it");
+            draft.set("heading", "0 deg");
+            draft.set("heading_sigma", "180 deg");
         }
     }
 
     /// Heading by the course.
-    fn by_course(&self, text: &mut Text, track: &Track) {
-        text.table("initial.heading");
-        text.quoted("type", "course");
-        text.quoted("source", self.velocity_source());
+    fn by_course(&self, draft: &mut Draft, track: &Track) {
+        draft.part("heading by course");
+        draft.set("source", self.velocity_source());
         if self.has_flat_velocity() {
-            text.line("horizontal = true", "a velocity without a vertical");
+            draft.set("horizontal", true);
         }
-        let speed = (0.3 * track.top_speed()).clamp(1.0, 3.0);
-        text.line(
-            &format!("min_speed = \"{speed:.1} m/s\""),
-            "guessed: a third of the usual top speed, 3 m/s at most",
-        );
-        text.line(
-            "sigma = \"10 deg\"",
-            "guessed: noise of the course, and how the unit sits in the vehicle",
-        );
+        draft.set("min_speed", format!("{:.1} m/s", (0.3 * track.top_speed()).clamp(1.0, 3.0)));
     }
 
     /// Roll and pitch at rest.
-    pub(super) fn levelling(&self, text: &mut Text, imu: &Imu) {
-        text.table("initial.level");
-        text.quoted("type", "levelling");
-        text.quoted("source", "imu");
+    pub(super) fn levelling(&self, draft: &mut Draft, imu: &Imu) {
+        draft.part("level");
         // A foot that walks before it rests for long starts at its first stance.
         let is_late = |s: &Stances| imu.rest.as_ref().is_none_or(|r| self.local(r.first.0) > 2.0 * s.period);
         if let Some(stances) = imu.stances.as_ref().filter(|s| is_late(s)) {
-            text.line(
-                &format!("duration = \"{:.2} s\"", Stances::WINDOW),
-                "guessed: the first stance; no longer rest comes before the walk",
+            let why = "guessed: the first stance; no longer rest comes before the walk";
+            draft.guess("duration", format!("{:.2} s", Stances::WINDOW), why);
+            let why = "guessed: a foot is never quite still, and the accelerometer has a bias";
+            draft.guess("tilt_sigma", "3 deg", why);
+            standing(draft, stances);
+            draft.reason("still", "as of the stances below");
+        } else if let Some(r) = &imu.rest {
+            let why = format!(
+                "guessed: half of the first rest, and 10 s at most; it is from {:.1} s for {:.1} s",
+                self.local(r.first.0),
+                r.first.1
             );
-            text.line(
-                "tilt_sigma = \"3 deg\"",
-                "guessed: a foot is never quite still, and the accelerometer has a bias",
-            );
-            text.line(&format!("still = {}", standing(stances)), "as of the stances below");
-            return;
-        }
-        match &imu.rest {
-            Some(r) => {
-                let duration = (0.5 * r.first.1).clamp(1.0, 10.0);
-                text.line(
-                    &format!("duration = \"{duration:.1} s\""),
-                    &format!(
-                        "guessed: half of the first rest, and 10 s at most; it is from {:.1} s for {:.1} s",
-                        self.local(r.first.0),
-                        r.first.1
-                    ),
-                );
-                text.line("tilt_sigma = \"1 deg\"", "guessed: 0.1 m/s² of accelerometer bias is 0.6 deg");
-                if imu.stances.is_some() {
-                    text.line("gyro_bias_sigma = \"0.5 deg/s\"", "guessed: a foot that rests is never quite still");
-                } else {
-                    text.line(
-                        "gyro_bias_sigma = \"0.05 deg/s\"",
-                        "guessed: the mean at rest, less what motion changes",
-                    );
-                }
-                text.line(&format!("still = {}", still(r, "1 s")), &limits(r));
-            }
-            None => {
-                text.line("duration = \"1 s\"", "guessed: no rest in this log differs from motion");
-                text.line("tilt_sigma = \"5 deg\"", "guessed: the force of motion");
-            }
+            draft.guess("duration", format!("{:.1} s", (0.5 * r.first.1).clamp(1.0, 10.0)), &why);
+            draft.guess("tilt_sigma", "1 deg", "guessed: 0.1 m/s² of accelerometer bias is 0.6 deg");
+            let (sigma, why) = if imu.stances.is_some() {
+                ("0.5 deg/s", "guessed: a foot that rests is never quite still")
+            } else {
+                ("0.05 deg/s", "guessed: the mean at rest, less what motion changes")
+            };
+            draft.guess("gyro_bias_sigma", sigma, why);
+            still(draft, r, r.times, &limits(r));
         }
     }
 
@@ -281,150 +217,84 @@ impl Inspection {
     }
 
     /// The constraints of a road vehicle, as in configs/parts/vehicle/car.toml.
-    fn road(&self, text: &mut Text, imu: &Imu) {
+    fn road(&self, draft: &mut Draft, imu: &Imu) {
         let Some(rest) = &imu.rest else { return };
-        text.section(
-            "guessed: a road vehicle, for it is fast, rests, and accelerates along one axis; delete this for a boat or an aircraft",
-        );
-        text.table("stage.wheels");
-        text.line("type = \"periodic\"\nsource = \"imu\"\nmin_speed = \"1 m/s\"", "");
-        text.line("rate = \"2 Hz\"", "guessed: the error is correlated over half a second");
-        text.table("sensor.wheels");
-        text.line("type = \"nonholonomic\"\nsource = \"wheels\"", "");
-        text.line(
-            "mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, \"5 deg\", \"8 deg\"] }",
-            "guessed: mounted by hand",
-        );
-        text.line(
-            "lever_arm = { estimate = true, initial = [0, 0, 0], sigma = \"1 m\" }",
-            "guessed: from the unit to the rear axle",
-        );
-        text.line(
-            "noise = { sigma = [\"0.1 m/s\", \"0.5 m/s\"] }",
-            "guessed: slip, and a body on springs",
-        );
+        draft.part("road vehicle");
         let Some(standing) = imu.standing else { return };
-        let (longest, until) = standing.longest;
+        let (longest, until) = (standing.longest.0, self.local(standing.longest.1));
         if !standing.is_useful() {
-            text.comment(&format!(
-                "No test of a standstill: the car moves as quietly as it stands, for {:.1} s up to {:.1} s.",
+            draft.note(&format!(
+                "No test of a standstill: the car moves as quietly as it stands, for {:.1} s up to {until:.1} s.",
                 0.1 * longest as f64,
-                self.local(until)
             ));
             return;
         }
-        text.table("stage.standing");
-        text.line("type = \"stationarity\"\nsource = \"imu\"\nrate = \"1 Hz\"", "");
-        text.line(
-            &format!("persist = {}", standing.persist),
-            &match longest {
-                0 => "guessed: no test passes in motion".to_owned(),
-                _ => format!(
-                    "guessed: in motion {longest} tests pass in a row, the last at {:.1} s; twice that, 5 at least",
-                    self.local(until)
-                ),
-            },
+        draft.part("standstill of a car");
+        let why = match longest {
+            0 => "guessed: no test passes in motion".to_owned(),
+            _ => format!("guessed: in motion {longest} tests pass in a row, the last at {until:.1} s; twice that, 5 at least"),
+        };
+        draft.guess("persist", standing.persist as i64, &why);
+        let why = format!(
+            "guessed: {} × what 95 % of the windows at rest stay below; {:.0} % of the tests at rest hold",
+            standing.times,
+            100.0 * standing.share
         );
-        text.line(
-            &format!("still = {}", limited(rest, standing.times, "1 s")),
-            &format!(
-                "guessed: {} × what 95 % of the windows at rest stay below; {:.0} % of the tests at rest hold",
-                standing.times,
-                100.0 * standing.share
-            ),
-        );
-        text.line("max_mean_acceleration = \"0.2 m/s^2\"", "guessed: braking is no rest");
+        still(draft, rest, standing.times, &why);
         // The rest test reads a velocity only if it has a vertical part.
         if !self.has_flat_velocity() {
-            text.line(
-                &format!(
-                    "gnss = {{ source = \"{}\", max_speed = \"0.2 m/s\", max_age = \"1.6 s\" }}",
-                    self.velocity_source()
-                ),
-                "guessed: the noise of the reported speed",
-            );
+            draft.set("gnss.source", self.velocity_source());
         }
-        text.line("max_speed = \"2 m/s\"", "guessed: where GNSS is silent");
-        text.table("sensor.standing");
-        text.line("type = \"zero_velocity\"\nsource = \"standing\"", "");
-        text.line(
-            "noise = { sigma = \"0.1 m/s\" }",
-            "guessed: soft, a car may creep more quietly than in this log",
-        );
+        draft.part("stop of a car");
     }
 }
 
 /// The noise of a unit in fast motion, as in configs/parts/vehicle/foot.toml.
-fn shaken(text: &mut Text, why: &str) {
-    text.line(
-        "accelerometer.vibration = \"0.1 s\"",
-        "guessed: the noise is at least what the forces of so short a time scatter by",
-    );
-    text.line(
-        "gyro.scale_noise = \"0.1 %/sqrt(Hz)\"",
-        &format!("guessed: {why}; far more than their noise at rest"),
-    );
+fn shaken(draft: &mut Draft, why: &str) {
+    draft.set("accelerometer.vibration", "0.1 s");
+    let why = format!("guessed: {why}; far more than their noise at rest");
+    draft.guess("gyro.scale_noise", "0.1 %/sqrt(Hz)", &why);
 }
 
 /// A foot moves faster than a vehicle, and shakes its unit at every step.
-fn on_foot(text: &mut Text) {
-    shaken(text, "scale and alignment of gyros in swings");
-    text.line(
-        "agility = { acceleration = \"200 m/s^2\", angular_rate = \"1000 deg/s\" }",
-        "guessed: a foot that strikes the ground; what changes faster is a spike",
-    );
-}
-
-/// Heading by a magnetometer.
-fn by_field(text: &mut Text) {
-    text.table("initial.heading");
-    text.line("type = \"compass\"\nsource = \"compass\"", "");
-    text.line("sigma = \"20 deg\"", "guessed: declination, and iron that is not yet known");
+fn on_foot(draft: &mut Draft) {
+    shaken(draft, "scale and alignment of gyros in swings");
+    draft.set("agility.acceleration", "200 m/s^2");
+    draft.set("agility.angular_rate", "1000 deg/s");
+    draft.reason("agility", "guessed: a foot that strikes the ground; what changes faster is a spike");
 }
 
 /// The foot is at rest in every stance, as in configs/templates/person.toml.
-fn foot(text: &mut Text, s: &Stances) {
-    text.section(&format!(
+fn foot(draft: &mut Draft, s: &Stances) {
+    draft.section(&format!(
         "guessed: a foot, for it rests for {:.2} s every {:.2} s; delete this for a vehicle",
         s.duration, s.period
     ));
-    text.table("stage.standing");
-    text.line(
-        "type = \"stationarity\"\nsource = \"imu\"\nrate = \"20 Hz\"\ntest_rate = \"50 Hz\"",
-        "",
-    );
-    text.line(
-        &format!("still = {}", standing(s)),
-        "guessed: twice the medians in the middle of the stances; `mean_rate`: the bias, and three times its 1σ together with the rolling",
-    );
-    text.table("sensor.standing");
-    text.line("type = \"zero_velocity\"\nsource = \"standing\"", "");
-    text.line("noise = { sigma = \"3 cm/s\" }", "guessed: a foot that rolls while it stands");
+    draft.part("standstill of a foot");
+    standing(draft, s);
+    draft.part("stop of a foot");
     let rolling = s.rolling.to_degrees();
     if !s.tell_bias() {
-        text.comment(&format!(
+        draft.note(&format!(
             "No `zero_angular_rate`: in the middle of the stances the foot rolls by up to {rolling:.1} deg/s, which would be taken for a"
         ));
-        text.comment("bias of the gyros.");
+        draft.note("bias of the gyros.");
         return;
     }
-    text.table("sensor.resting_gyros");
-    text.line("type = \"zero_angular_rate\"\nsource = \"standing\"", "");
-    text.line(
-        &format!("noise = {{ sigma = \"{:.2} deg/s\" }}", rolling.max(0.3)),
+    draft.part("resting gyros of a foot");
+    draft.set("noise.sigma", format!("{:.2} deg/s", rolling.max(0.3)));
+    draft.reason(
+        "noise",
         &format!("guessed: 95 % of the mean rates of the stances are within {rolling:.2} deg/s of the bias; 0.3 deg/s at least"),
     );
 }
 
 /// The limits of the stance test.
-fn standing(s: &Stances) -> String {
-    format!(
-        "{{ window = \"{:.2} s\", accel_std = \"{:.2} m/s^2\", gyro_std = \"{:.2} deg/s\", mean_rate = \"{:.2} deg/s\" }}",
-        Stances::WINDOW,
-        s.accel_std,
-        s.gyro_std.to_degrees(),
-        s.mean_rate.to_degrees()
-    )
+fn standing(draft: &mut Draft, s: &Stances) {
+    draft.set("still.window", format!("{:.2} s", Stances::WINDOW));
+    draft.set("still.accel_std", format!("{:.2} m/s^2", s.accel_std));
+    draft.set("still.gyro_std", format!("{:.2} deg/s", s.gyro_std.to_degrees()));
+    draft.set("still.mean_rate", format!("{:.2} deg/s", s.mean_rate.to_degrees()));
 }
 
 /// The origin of the limits of the rest test.
@@ -436,20 +306,11 @@ pub(super) fn limits(r: &Rest) -> String {
     )
 }
 
-/// The limits of the rest test.
-pub(super) fn still(r: &Rest, window: &str) -> String {
-    limited(r, r.times, window)
-}
-
-/// Limits of `times` the deviations at rest.
-fn limited(r: &Rest, times: f64, window: &str) -> String {
-    let list = |v: [f64; 3], unit: &str| {
-        let all = v.map(|x| format!("\"{:.5} {unit}\"", times * x));
-        format!("[{}]", all.join(", "))
-    };
-    format!(
-        "{{ window = \"{window}\", accel_std = {}, gyro_std = {} }}",
-        list(r.accel_std, "m/s^2"),
-        list(r.gyro_std, "rad/s")
-    )
+/// The limits of the rest test: `times` the deviations at rest.
+pub(super) fn still(draft: &mut Draft, r: &Rest, times: f64, why: &str) {
+    let each = |v: [f64; 3], unit: &str| list(v.map(|x| format!("{:.5} {unit}", times * x)));
+    draft.set("still.window", "1 s");
+    draft.set("still.accel_std", each(r.accel_std, "m/s^2"));
+    draft.set("still.gyro_std", each(r.gyro_std, "rad/s"));
+    draft.reason("still", why);
 }
