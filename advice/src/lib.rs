@@ -11,6 +11,8 @@
 //! A program that links this crate gets its findings in the summary of every run
 //! ([`Advisor`](fusion::run::Advisor)).
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod allan;
 pub mod findings;
 pub mod frames;

@@ -4,6 +4,8 @@
 //! A program that links this crate checks the table `[stress]` of a design when the design is read, and finds the
 //! likelihood among the sections of a result.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod campaign;
 pub mod likelihood;
 pub mod stress;

@@ -141,6 +141,13 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
     chosen::sin_cos(x)
 }
 
+/// x without its integer part, with the sign of x.
+#[inline]
+#[must_use]
+pub fn fract(x: f64) -> f64 {
+    x - trunc(x)
+}
+
 /// xⁿ.
 #[inline]
 #[must_use]

@@ -7,6 +7,7 @@ use super::sensors::{count_columns, counted, counts};
 use crate::Shown;
 use fusion::run::Summary;
 use fusion::score::{Axes, Consistency, Drift, Score, Verdict};
+use fusion_core::math;
 use fusion_tables::short;
 use fusion_tables::{Cell, Column, Page, Section, Table};
 
@@ -154,7 +155,7 @@ fn errors(t: &mut Table, whose: &str, score: &Score) {
             score.nees_position.as_ref(),
         );
     }
-    let length = |axes: &Axes| axes.rms.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let length = |axes: &Axes| math::sqrt(axes.rms.iter().map(|v| v * v).sum::<f64>());
     if let Some(velocity) = &score.velocity {
         line(
             "velocity",

@@ -8,6 +8,7 @@ use crate::Shown;
 use fusion::health::State;
 use fusion::observe::Innovations;
 use fusion::score::{Consistency, Drift, Verdict};
+use fusion_core::math;
 use fusion_judge::campaign::{Campaign, Duel, Independence, Pace, Pooled, RunRow};
 use fusion_tables::Unit;
 use fusion_tables::significant;
@@ -84,7 +85,7 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
 fn verdict((first_name, first): &(&str, &Campaign), (name, other): &(&str, &Campaign)) -> Option<String> {
     type Error = fn(&RunRow) -> f64;
     let are_worlds = [first, other].iter().all(|c| c.independence == Independence::Full);
-    let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let length = |v: [f64; 3]| math::sqrt(v.iter().map(|v| v * v).sum::<f64>());
     let figures: [(&str, Error); 2] = [("position", |row| row.position_rmse), ("attitude", |row| row.rotation_rmse)];
     let velocity = other.against(first, |row| length(row.velocity_rms)).map(|duel| ("velocity", duel));
     let duels = figures
@@ -329,7 +330,7 @@ impl Shown<'_, Campaign> {
             for k in 0..block.error.len() {
                 let ends = || self.rows.iter().map(|row| (row.blocks[i].error[k], row.blocks[i].sigma[k]));
                 let mean = |value: &dyn Fn((f64, f64)) -> f64| ends().map(value).sum::<f64>() / self.rows.len() as f64;
-                let rms = mean(&|(error, _)| error * error).sqrt();
+                let rms = math::sqrt(mean(&|(error, _)| error * error));
                 let inside = mean(&|(error, sigma)| f64::from(error.abs() <= 3.0 * sigma));
                 let cells = [Cell::Real(rms), Cell::Real(mean(&|(_, sigma)| sigma)), Cell::Share(inside)];
                 t.row_in(Unit::of_si(&block.unit), [Cell::text(axis_name(block, k))].into_iter().chain(cells));
@@ -391,10 +392,10 @@ impl Shown<'_, Campaign> {
             let mean = |value: &dyn Fn(&Drift) -> f64| outage.iter().map(value).sum::<f64>() / outage.len() as f64;
             let max = outage.iter().map(|d| d.end_horizontal).fold(0.0, f64::max);
             let errors = [
-                mean(&|d| d.end_horizontal.powi(2)).sqrt(),
+                math::sqrt(mean(&|d| math::powi(d.end_horizontal, 2))),
                 max,
                 mean(&|d| 3.0 * d.end_sigma),
-                mean(&|d| d.end_ratio().powi(2)).sqrt(),
+                math::sqrt(mean(&|d| math::powi(d.end_ratio(), 2))),
             ];
             let inside = mean(&|d| f64::from(d.end_ratio() <= 3.0));
             let times = [outage[0].from, outage[0].to].map(Cell::Seconds);

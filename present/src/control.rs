@@ -1,5 +1,6 @@
 //! How a controlled vehicle did what it was to do.
 
+use fusion_core::math;
 use fusion_judge::campaign::{Campaign, RunRow};
 use fusion_models::sim::{Leg, Record};
 use fusion_tables::Unit;
@@ -70,9 +71,9 @@ pub(super) fn spread(campaign: &Campaign) -> Option<Section> {
             most(r, |leg| Some(leg.across?.last))
         }),
         ("from the target at the end of a task, largest", "m", |r| {
-            most(r, |leg| leg.miss.map(|[n, e]| n.hypot(e)))
+            most(r, |leg| leg.miss.map(|[n, e]| math::hypot(n, e)))
         }),
-        ("from start to end", "m", |r| r.closure[0].hypot(r.closure[1])),
+        ("from start to end", "m", |r| math::hypot(r.closure[0], r.closure[1])),
         ("way", "m", |r| r.way),
     ];
     let numbers = ["mean", "standard deviation", "min", "max"].map(Column::number);

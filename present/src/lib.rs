@@ -3,6 +3,8 @@
 //! `summary.json` is not drawn from a page: it is the data themselves, in SI and full precision, with keys that
 //! programs rely on.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 mod brief;
 pub mod campaign;
 pub mod comparison;

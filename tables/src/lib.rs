@@ -4,6 +4,8 @@
 //! ends draw it: [`text`] for a terminal, [`json`] for programs, [`html`] for the report. The tree ([`Cell`], [`Unit`])
 //! decides names, units and digits, so they are the same in all back ends.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod html;
 pub mod json;
 mod number;

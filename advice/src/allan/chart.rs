@@ -2,6 +2,7 @@
 
 use super::{Instrument, Study};
 use core::fmt::Write;
+use fusion_core::math;
 
 const WIDTH: f64 = 860.0;
 /// For one instrument.
@@ -43,7 +44,7 @@ impl Frame {
         let points = || study.axes.iter().flat_map(|axis| &axis.curve);
         let decades = |values: &mut dyn Iterator<Item = f64>| {
             let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-            let ends = (low.log10().floor(), high.log10().ceil());
+            let ends = (math::floor(math::log10(low)), math::ceil(math::log10(high)));
             (ends.0.is_finite() && ends.1.is_finite()).then_some((ends.0 as i32, (ends.1 as i32).max(ends.0 as i32 + 1)))
         };
         Some(Self {
@@ -54,12 +55,12 @@ impl Frame {
 
     fn x(&self, tau: f64) -> f64 {
         let (low, high) = self.tau;
-        LEFT + (WIDTH - LEFT - RIGHT) * (tau.log10() - f64::from(low)) / f64::from(high - low)
+        LEFT + (WIDTH - LEFT - RIGHT) * (math::log10(tau) - f64::from(low)) / f64::from(high - low)
     }
 
     fn y(&self, sigma: f64) -> f64 {
         let (low, high) = self.sigma;
-        let share = (sigma.log10() - f64::from(low)) / f64::from(high - low);
+        let share = (math::log10(sigma) - f64::from(low)) / f64::from(high - low);
         HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * share.clamp(0.0, 1.0)
     }
 }
@@ -91,7 +92,7 @@ fn plot(out: &mut String, study: &Study) {
             points.collect::<Vec<_>>()
         };
         // σ/√(2 · freedom) above and below the curve.
-        let error = |p: &super::Point| (2.0 * p.freedom).sqrt().recip();
+        let error = |p: &super::Point| math::sqrt(2.0 * p.freedom).recip();
         let mut band = line(&|p| p.sigma * (1.0 + error(p)));
         band.extend(line(&|p| p.sigma * (1.0 - error(p))).into_iter().rev());
         let _ = writeln!(
@@ -113,7 +114,7 @@ fn plot(out: &mut String, study: &Study) {
 fn grid(out: &mut String, frame: &Frame) {
     let (right, bottom) = (WIDTH - RIGHT, HEIGHT - BOTTOM);
     for decade in frame.tau.0..=frame.tau.1 {
-        let x = frame.x(10_f64.powi(decade));
+        let x = frame.x(math::powi(10_f64, decade));
         let _ = writeln!(
             out,
             "<line x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{TOP}\" y2=\"{bottom}\" stroke=\"#ccc\"/>\
@@ -123,7 +124,7 @@ fn grid(out: &mut String, frame: &Frame) {
         );
     }
     for decade in frame.sigma.0..=frame.sigma.1 {
-        let y = frame.y(10_f64.powi(decade));
+        let y = frame.y(math::powi(10_f64, decade));
         let _ = writeln!(
             out,
             "<line x1=\"{LEFT}\" x2=\"{right}\" y1=\"{y:.1}\" y2=\"{y:.1}\" stroke=\"#ccc\"/>\
@@ -137,7 +138,7 @@ fn grid(out: &mut String, frame: &Frame) {
 
 fn power(decade: i32) -> String {
     match decade {
-        -2..=3 => 10_f64.powi(decade).to_string(),
+        -2..=3 => math::powi(10_f64, decade).to_string(),
         _ => format!("1e{decade}"),
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Point;
 use core::f64::consts::{LN_2, PI};
+use fusion_core::math;
 use nalgebra::{DMatrix, DVector};
 
 /// σ² of flicker noise of size 1.
@@ -39,16 +40,16 @@ impl Noises {
         for _ in 0..ROUNDS {
             squares = weighted(points, &model)?;
             let noises = Self::of(squares);
-            model = points.iter().map(|p| noises.deviation(p.tau).powi(2)).collect();
+            model = points.iter().map(|p| math::powi(noises.deviation(p.tau), 2)).collect();
         }
         Some(Self::of(squares))
     }
 
     fn of([white, flicker, walk]: [f64; 3]) -> Self {
         Self {
-            white: white.sqrt(),
-            flicker: flicker.sqrt(),
-            walk: walk.sqrt(),
+            white: math::sqrt(white),
+            flicker: math::sqrt(flicker),
+            walk: math::sqrt(walk),
         }
     }
 
@@ -56,12 +57,7 @@ impl Noises {
     #[must_use]
     pub fn deviation(&self, tau: f64) -> f64 {
         let squares = [self.white, self.flicker, self.walk].map(|size| size * size);
-        terms(tau)
-            .iter()
-            .zip(squares)
-            .map(|(term, square)| term * square)
-            .sum::<f64>()
-            .sqrt()
+        math::sqrt(terms(tau).iter().zip(squares).map(|(term, square)| term * square).sum::<f64>())
     }
 }
 
@@ -75,8 +71,8 @@ fn terms(tau: f64) -> [f64; 3] {
 fn weighted(points: &[Point], model: &[f64]) -> Option<[f64; 3]> {
     let rows = points.len();
     // Divided by the standard deviation of each σ².
-    let scale = |row: usize| (2.0 / points[row].freedom + MISFIT * MISFIT).sqrt().recip() / model[row];
-    let target = DVector::from_fn(rows, |row, _| points[row].sigma.powi(2) * scale(row));
+    let scale = |row: usize| math::sqrt(2.0 / points[row].freedom + MISFIT * MISFIT).recip() / model[row];
+    let target = DVector::from_fn(rows, |row, _| math::powi(points[row].sigma, 2) * scale(row));
     let mut best: Option<(f64, [f64; 3])> = None;
     for chosen in 1_usize..8 {
         let free: Vec<usize> = (0..3).filter(|k| chosen & (1 << k) != 0).collect();

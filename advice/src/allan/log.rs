@@ -7,6 +7,7 @@ use fusion::config::{Diagnostic, Diagnostics, Node, Place};
 use fusion::rows::{DataError, SourceError, width};
 use fusion::source::table::{Table, gps_of_text};
 use fusion::source::{OpenContext, SourceSpec};
+use fusion_core::math;
 use fusion_models::registry::{self, Role};
 use fusion_models::units::STANDARD_GRAVITY;
 use fusion_models::vocabulary::channel;
@@ -45,7 +46,7 @@ impl Log {
     /// The length of the mean vector of the three axes.
     pub(super) fn force(&self) -> f64 {
         let mean = |axis: &Vec<f64>| axis.iter().sum::<f64>() / axis.len() as f64;
-        self.axes.iter().map(|axis| mean(axis).powi(2)).sum::<f64>().sqrt()
+        math::sqrt(self.axes.iter().map(|axis| math::powi(mean(axis), 2)).sum::<f64>())
     }
 }
 

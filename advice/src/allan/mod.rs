@@ -13,6 +13,7 @@ mod study;
 
 pub use chart::svg;
 pub use fit::Noises;
+use fusion_core::math;
 pub use log::{Columns, Instrument, Log, Moment, Part, declared, plain, stamped};
 pub use study::{Axis, Study, toml};
 
@@ -56,10 +57,10 @@ pub fn deviation(samples: &[f64], interval: f64) -> Vec<Point> {
     let point = |m: usize| {
         let ends = sums.iter().zip(&sums[m..]).zip(&sums[2 * m..]);
         let terms = sums.len() - 2 * m;
-        let squares: f64 = ends.map(|((first, middle), last)| (last - 2.0 * middle + first).powi(2)).sum();
+        let squares: f64 = ends.map(|((first, middle), last)| math::powi(last - 2.0 * middle + first, 2)).sum();
         Point {
             tau: m as f64 * interval,
-            sigma: (squares / (2.0 * terms as f64)).sqrt() / m as f64,
+            sigma: math::sqrt(squares / (2.0 * terms as f64)) / m as f64,
             freedom: samples.len() as f64 / m as f64 - 1.0,
         }
     };
@@ -68,9 +69,9 @@ pub fn deviation(samples: &[f64], interval: f64) -> Vec<Point> {
 
 /// Cluster lengths in samples, evenly spaced by their logarithm.
 fn lengths(longest: usize) -> Vec<usize> {
-    let steps = (PER_DECADE * (longest as f64).log10()).floor() as u32;
+    let steps = math::floor(PER_DECADE * math::log10(longest as f64)) as u32;
     let mut all: Vec<usize> = (0..=steps)
-        .map(|k| 10_f64.powf(f64::from(k) / PER_DECADE).round() as usize)
+        .map(|k| math::round(math::powf(10_f64, f64::from(k) / PER_DECADE)) as usize)
         .collect();
     all.dedup();
     all

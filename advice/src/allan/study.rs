@@ -2,6 +2,7 @@
 
 use super::{Instrument, Log, Noises, Point, deviation};
 use fusion::config::{Diagnostic, Diagnostics};
+use fusion_core::math;
 use fusion_models::units::STANDARD_GRAVITY;
 use fusion_tables::{Cell, Column, Page, Section, Table, Unit, short};
 
@@ -119,7 +120,7 @@ impl Study {
             Instrument::Accelerometer => 0.3,
         };
         let second = |axis: &Axis| {
-            let apart = |tau: f64| tau.ln().abs();
+            let apart = |tau: f64| math::ln(tau).abs();
             let nearest = axis.curve.iter().min_by(|a, b| apart(a.tau).total_cmp(&apart(b.tau)));
             nearest.map_or(0.0, |p| p.sigma)
         };
@@ -137,7 +138,7 @@ impl Study {
 
     /// A warning if accelerometers at rest do not measure the length of gravity.
     fn weight(&self) -> Option<String> {
-        let length = self.axes.iter().map(|axis| axis.mean.powi(2)).sum::<f64>().sqrt();
+        let length = math::sqrt(self.axes.iter().map(|axis| math::powi(axis.mean, 2)).sum::<f64>());
         let is_gravity = (0.8..1.2).contains(&(length / STANDARD_GRAVITY));
         (self.instrument == Instrument::Accelerometer && !is_gravity).then(|| {
             format!(
@@ -206,7 +207,7 @@ impl Study {
     /// Root mean square over the axes, in the displayed unit.
     fn rms(&self, of: impl Fn(&Axis) -> f64) -> f64 {
         let (_, si) = self.instrument.unit();
-        (self.axes.iter().map(|axis| of(axis).powi(2)).sum::<f64>() / 3.0).sqrt() / si
+        math::sqrt(self.axes.iter().map(|axis| math::powi(of(axis), 2)).sum::<f64>() / 3.0) / si
     }
 
     /// Size of the visible turn-on bias, at least B. For gyros it is the mean; for accelerometers it is the difference
@@ -217,7 +218,7 @@ impl Study {
         match self.instrument {
             Instrument::Gyro => self.rms(|axis| axis.mean).max(instability),
             Instrument::Accelerometer => {
-                let length = self.axes.iter().map(|axis| axis.mean.powi(2)).sum::<f64>().sqrt();
+                let length = math::sqrt(self.axes.iter().map(|axis| math::powi(axis.mean, 2)).sum::<f64>());
                 ((length - STANDARD_GRAVITY).abs() / si).max(instability)
             }
         }

@@ -7,6 +7,7 @@ use super::level::{is_more_than, level, sigmas};
 use super::{CHECK, FAR, Finding, LARGE, is_large, ratio};
 use fusion::config::Edit;
 use fusion::score::{Axes, Consistency, Drift, Offset, Score, Verdict};
+use fusion_core::math;
 use fusion_tables::short;
 
 /// A mean NEES over its degrees of freedom below this is worth a change: errors are half of the 1σ. A slightly
@@ -412,7 +413,7 @@ fn known_arm(offset: &Offset, point: [f64; 3]) -> Option<([f64; 3], [f64; 3])> {
 
 fn metres(v: [f64; 3]) -> String {
     // 0.0 +: no minus before zero.
-    v.map(|v| format!("{:.2}", 0.0 + (100.0 * v).round() / 100.0)).join(", ")
+    v.map(|v| format!("{:.2}", 0.0 + math::round(100.0 * v) / 100.0)).join(", ")
 }
 
 /// A constant offset in body axes that explains the position errors.
@@ -439,7 +440,7 @@ pub(super) fn bold_outages(drift: &[Drift]) -> Option<Finding> {
     let ratios = drift.iter().map(Drift::end_ratio).filter(|ratio| ratio.is_finite());
     let (all, bold) = ratios.fold((0, 0), |(all, bold), ratio| (all + 1, bold + u64::from(ratio > 3.0)));
     // χ² of two degrees of freedom exceeds 9 with probability exp(−9/2).
-    let is_improbable = is_more_than(bold, all, (-4.5_f64).exp(), 1);
+    let is_improbable = is_more_than(bold, all, math::exp(-4.5_f64), 1);
     is_improbable.then(|| Finding {
         about: "outages".to_owned(),
         evidence: format!("at the end of {bold} of {all} outages the error is more than 3σ of the filter"),
@@ -455,7 +456,7 @@ pub(super) fn far_outage(drift: &[Drift]) -> Option<Finding> {
     let worst = known.max_by(|a, b| a.end_ratio().total_cmp(&b.end_ratio()))?;
     // Bonferroni bound: the largest of n squares, each χ² of at most two degrees of freedom, exceeds x with probability
     // ≤ n exp(−x/2).
-    let chance = all * (-0.5 * worst.end_ratio().powi(2)).exp();
+    let chance = all * math::exp(-0.5 * math::powi(worst.end_ratio(), 2));
     let moved = worst.moved.as_ref().filter(|moved| moved.sigmas > MOVED).map(|moved| {
         format!(
             "look first at `{}` at {:.1} s, which moved what it measures by {} of its 1σ, more than all others in that outage; then ",

@@ -3,6 +3,7 @@
 use crate::rules::ALL;
 use fusion::score::Consistency;
 use fusion_core::consistency::{chi_square_quantile, chi_square_tail};
+use fusion_core::math;
 use statrs::distribution::{Binomial, DiscreteCDF};
 
 /// The probability that a consistent run has a finding by chance.
@@ -17,7 +18,7 @@ pub(super) fn level(tests: usize) -> f64 {
 /// The number of its 1σ beyond which one of `tests` normal figures is improbable, on either side.
 pub(super) fn sigmas(tests: usize) -> f64 {
     // The square of a normal number is χ² with one degree of freedom.
-    chi_square_quantile(1.0 - level(tests), 1.0).sqrt()
+    math::sqrt(chi_square_quantile(1.0 - level(tests), 1.0))
 }
 
 /// Whether the mean of the squares of so many `independent` normal numbers of variance 1 is improbably small. It is one

@@ -6,6 +6,7 @@ use super::instrument::{Instrument, Measures, Reports};
 use crate::inspect::{Kind, reported_by_name};
 use fusion::config::Edit;
 use fusion::observe::{Excess, Moved};
+use fusion_core::math;
 use fusion_tables::{Unit, short};
 
 /// So many calibrations are named.
@@ -35,7 +36,7 @@ impl Facts<'_> {
     }
 
     fn moved_by(&self, sensor: &Instrument, excess: &Excess) -> Finding {
-        let times = ratio(excess).sqrt();
+        let times = math::sqrt(ratio(excess));
         let name = &sensor.name;
         let first = &excess.moved[0].name;
         let (reported, edits) = self.reported(sensor).unzip();

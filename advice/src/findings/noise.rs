@@ -14,6 +14,7 @@ use super::facts::Facts;
 use super::instrument::Instrument;
 use super::level::is_small_variance;
 use fusion::observe::SensorStatistics;
+use fusion_core::math;
 
 /// Why NIS is too small.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +32,7 @@ pub(super) enum Excess {
 pub(super) fn white(s: &SensorStatistics) -> impl Iterator<Item = f64> {
     let own = &s.innovations;
     let rows = own.rms.iter().zip(&own.independent);
-    rows.map(|(rms, independent)| rms * (own.count as f64 / independent).sqrt())
+    rows.map(|(rms, independent)| rms * math::sqrt(own.count as f64 / independent))
 }
 
 impl Facts<'_> {
@@ -43,7 +44,10 @@ impl Facts<'_> {
             return Excess::Unknown;
         }
         let tests: usize = self.instruments.iter().map(|i| i.noise.len()).sum();
-        let mut shares = rows.iter().zip(declared).map(|((white, n), sigma)| ((white / sigma).powi(2), *n));
+        let mut shares = rows
+            .iter()
+            .zip(declared)
+            .map(|((white, n), sigma)| (math::powi(white / sigma, 2), *n));
         if shares.clone().all(|(share, n)| is_small_variance(share, n, tests)) {
             Excess::Noise
         } else if shares.all(|(share, _)| share >= 1.0) {

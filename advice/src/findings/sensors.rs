@@ -12,6 +12,7 @@ use fusion::health::{Spell, State};
 use fusion::observe::{RejectionStreak, SensorStatistics};
 use fusion::run::FaultWindow;
 use fusion::score::{Consistency, Score, Verdict};
+use fusion_core::math;
 use fusion_tables::{Unit, short};
 
 /// The largest share of outliers of a sound sensor. A gate that rejects a larger share does more than remove outliers: a
@@ -157,7 +158,7 @@ impl Facts<'_> {
         );
         // So many outliers in a row are improbable: one series can begin at every measurement.
         let is_improbable = |s: &SensorStatistics, streak: &RejectionStreak| {
-            let chance = REJECTED.powf(streak.measurements as f64);
+            let chance = math::powf(REJECTED, streak.measurements as f64);
             chance < level((s.accepted + s.rejected) as usize)
         };
         let refused = self

@@ -4,6 +4,7 @@ use super::judge::Expected;
 use super::log::Track;
 use super::motion::Told;
 use super::regression::{CERTAIN, Fit, fit};
+use fusion_core::math;
 use nalgebra::Vector3;
 
 /// Typical delays of a velocity or an attitude against the instruments \[s\]. Receivers are late by up to half a
@@ -65,13 +66,13 @@ fn within(measured: &Track, told: &[Told], widest: f64) -> f64 {
 }
 
 fn steps(from: f64, to: f64, step: f64) -> impl Iterator<Item = f64> {
-    (0..=((to - from) / step).round() as u32).map(move |k| from + step * f64::from(k))
+    (0..=math::round((to - from) / step) as u32).map(move |k| from + step * f64::from(k))
 }
 
 fn best(measured: &Track, told: &[Told], lags: impl Iterator<Item = f64>) -> f64 {
     let size = |lag: f64| {
         let fits = Expected::of(measured, told, lag).fits();
-        fits.iter().flatten().map(|f| f.correlation.powi(2)).sum::<f64>()
+        fits.iter().flatten().map(|f| math::powi(f.correlation, 2)).sum::<f64>()
     };
     // If several lags are equally good, this takes the first.
     let sizes = lags.map(|lag| (lag, size(lag)));

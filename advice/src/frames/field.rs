@@ -19,6 +19,7 @@ use super::judge::{Compared, Comparison, Judge, LONG, sized, turned};
 use super::log::Track;
 use super::mistake::{self, Axes, DECLARED, Whole, complete, differing, handedness};
 use super::regression::FAR;
+use fusion_core::math;
 use nalgebra::{Matrix3, Vector3};
 
 /// Intervals to try \[s\]: a short one for a unit turned by hand, a longer one for vehicles, which turn less than the
@@ -123,7 +124,7 @@ impl Sums {
     /// The residual for this factor.
     fn left(&self, factor: f64) -> f64 {
         let rest = self.bw * factor - self.bd;
-        self.dd - 2.0 * factor * self.wd + factor.powi(2) * self.ww - rest.dot(&self.body(factor))
+        self.dd - 2.0 * factor * self.wd + math::powi(factor, 2) * self.ww - rest.dot(&self.body(factor))
     }
 }
 

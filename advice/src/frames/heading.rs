@@ -1,6 +1,7 @@
 //! Compares headings with courses.
 
 use super::mistake::Remedy;
+use fusion_core::math;
 /// Agreement of headings with courses: length and direction of the mean of e^{i(course − heading)} and e^{i(course +
 /// heading)}.
 pub(super) struct Turned {
@@ -17,9 +18,9 @@ impl Turned {
         let mean = |of: &dyn Fn(&(f64, f64)) -> f64| {
             let (s, c) = pairs
                 .iter()
-                .map(|p| of(p).sin_cos())
+                .map(|p| math::sin_cos(of(p)))
                 .fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-            (s.hypot(c) / pairs.len() as f64, s.atan2(c))
+            (math::hypot(s, c) / pairs.len() as f64, math::atan2(s, c))
         };
         let has_turned = pairs.len() >= 50 && mean(&|p| p.1).0 < 0.8;
         has_turned.then(|| Self {
@@ -30,7 +31,7 @@ impl Turned {
 
     /// The mistake, and the text to write.
     pub(super) fn wrong(&self) -> Option<(String, Remedy)> {
-        let quarters = |angle: f64| (angle / core::f64::consts::FRAC_PI_2).round();
+        let quarters = |angle: f64| math::round(angle / core::f64::consts::FRAC_PI_2);
         let near = |angle: f64| (angle - quarters(angle) * core::f64::consts::FRAC_PI_2).abs() < 0.4;
         let ((along, offset), (against, sum)) = (self.along, self.against);
         if along > TIED && near(offset) && quarters(offset) != 0.0 {

@@ -12,6 +12,7 @@ use super::world::Moved;
 use fusion::config::{Diagnostic, Diagnostics, Edit, Node};
 use fusion::design::Design;
 use fusion::run::Options;
+use fusion_core::math;
 use fusion_models::units::Duration;
 use fusion_tables::short;
 use nalgebra::Vector3;
@@ -152,7 +153,7 @@ pub(super) fn wrong_factor(fits: &[Option<Fit>; 3], limit: f64) -> Option<(f64, 
     let is_wrong = clear().all(|f| f.wrong_factor(limit).is_some());
     let first = clear().next().filter(|_| is_wrong)?;
     let [least, most] = first.factor;
-    Some((first.wrong_factor(limit)?, (most / least).ln() / 2.0))
+    Some((first.wrong_factor(limit)?, math::ln(most / least) / 2.0))
 }
 
 /// A factor in words.

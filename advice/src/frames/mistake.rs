@@ -1,6 +1,7 @@
 //! The text for a mistake, and its correction.
 
 use fusion::config::{Diagnostic, Edit, Node};
+use fusion_core::math;
 use fusion_models::units::parse_unit;
 
 /// For each body axis: the declared axis, and whether its sign is inverted.
@@ -233,13 +234,13 @@ pub(super) fn is_of_velocities(factor: f64) -> bool {
     let sizes = units("velocity", false).iter().filter_map(|unit| parse_unit(unit).ok());
     sizes
         .map(|(size, _)| size)
-        .any(|size| (factor.ln().abs() - size.ln().abs()).abs() < 0.05)
+        .any(|size| (math::ln(factor).abs() - math::ln(size).abs()).abs() < 0.05)
 }
 
 /// The possible cause of a wrong factor, and its correction. `small` is the factor by which the numbers are too small.
 /// `within` is the uncertainty of its logarithm. `rate` is the number of samples per second.
 pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, rate: f64) -> Option<Remedy> {
-    let is = |factor: f64| (small / factor).ln().abs() < within;
+    let is = |factor: f64| math::ln(small / factor).abs() < within;
     let is_increment = node.and_then(|n| n.get("increment")).is_some_and(|n| n.inline() == "true");
     let all = units(channel, is_increment);
     let declared = node.and_then(|n| n.get("unit")).and_then(Node::as_str).or(all.first().copied())?;
@@ -249,13 +250,13 @@ pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, 
         return Some(Remedy::leave_out("scale").after("it would fit without the `scale`"));
     }
     let declared_size = size(declared)?;
-    let away = |unit: &str| Some((size(unit)? / (declared_size * scale * small)).ln().abs());
+    let away = |unit: &str| Some(math::ln(size(unit)? / (declared_size * scale * small)).abs());
     let nearest = all.iter().filter_map(|unit| Some((away(unit)?, *unit)));
     let nearest = nearest
         .filter(|(away, unit)| *away < within && *unit != declared)
         .min_by(|a, b| a.0.total_cmp(&b.0));
     // A rate of 50 rows per second is close to 57.3, the degrees per radian.
-    let is_nearer = |factor: f64| is(factor) && nearest.is_none_or(|(away, _)| (small / factor).ln().abs() < away);
+    let is_nearer = |factor: f64| is(factor) && nearest.is_none_or(|(away, _)| math::ln(small / factor).abs() < away);
     if matches!(channel, "angular_rate" | "specific_force") && !is_increment && is_nearer(rate) {
         let increment = Remedy::write(&[("increment", "true".to_owned())]);
         return Some(increment.after("the columns hold increments over a sample"));

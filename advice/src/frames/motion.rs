@@ -3,6 +3,7 @@
 use super::log::Track;
 use fusion_core::geometry::so3::{log, rotation, to_rpy, wrap_angle};
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_core::state::{Attitude, Manifold};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -186,7 +187,7 @@ impl Leg {
 
 /// The course, clockwise from north \[rad\].
 pub(super) fn course(v: &Vector3<f64>) -> f64 {
-    v.y.atan2(v.x)
+    math::atan2(v.y, v.x)
 }
 
 /// Attitudes, body to north-east-down, over time.

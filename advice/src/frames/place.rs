@@ -6,6 +6,7 @@ use super::motion::LONGEST;
 use fusion::config::Node;
 use fusion_core::geometry::so3::wrap_angle;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_core::state::Manifold;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
@@ -97,8 +98,14 @@ impl Change {
 
 /// The great-circle distance \[m\].
 pub(super) fn distance(a: &Geodetic, b: &Geodetic) -> f64 {
-    let unit = |p: &Geodetic| Vector3::new(p.lat.cos() * p.lon.cos(), p.lat.cos() * p.lon.sin(), p.lat.sin());
-    2.0 * RADIUS * ((unit(a) - unit(b)).norm() / 2.0).min(1.0).asin()
+    let unit = |p: &Geodetic| {
+        Vector3::new(
+            math::cos(p.lat) * math::cos(p.lon),
+            math::cos(p.lat) * math::sin(p.lon),
+            math::sin(p.lat),
+        )
+    };
+    2.0 * RADIUS * math::asin(((unit(a) - unit(b)).norm() / 2.0).min(1.0))
 }
 
 /// The median distance and height difference of a position from where it should be \[m\], with the number of samples.

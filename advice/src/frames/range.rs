@@ -5,6 +5,7 @@ use super::judge::{Comparison, Judge};
 use super::log::Track;
 use super::mistake::{Remedy, at, fitting};
 use fusion::config::{Diagnostic, Edit, Node};
+use fusion_core::math;
 use fusion_models::units::parse_unit;
 use fusion_tables::short;
 
@@ -141,7 +142,7 @@ impl Judge<'_> {
 
 /// The median size.
 fn median(track: &Track) -> Option<f64> {
-    let length = |v: &[f64]| v[..3].iter().map(|v| v * v).sum::<f64>().sqrt();
+    let length = |v: &[f64]| math::sqrt(v[..3].iter().map(|v| v * v).sum::<f64>());
     let mut sizes: Vec<f64> = if track.integrates {
         let pairs = track.times.windows(2).filter_map(|t| track.mean(t[0], t[1]));
         pairs.map(|mean| mean.norm()).collect()

@@ -15,6 +15,7 @@ use super::regression::{FAR, Fit, NEAR};
 use super::world::{is_contradicted, vote};
 use fusion::config::{Edit, Node, Value};
 use fusion::design::Design;
+use fusion_core::math;
 
 /// A key of a channel and its value.
 type Assignment = (&'static str, String);
@@ -60,7 +61,7 @@ impl Agreement {
         let of = |fits: &[Option<Fit>; 3]| {
             let rows = fits.iter().enumerate().filter_map(|(row, fit)| Some((row, fit.as_ref()?)));
             let counted = rows.filter(|(row, fit)| by_any || (fit.axis, fit.negative) == (*row, false));
-            counted.map(|(_, fit)| fit.correlation.powi(2)).sum::<f64>()
+            counted.map(|(_, fit)| math::powi(fit.correlation, 2)).sum::<f64>()
         };
         of(&self.force) + of(&self.rate)
     }

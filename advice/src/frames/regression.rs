@@ -4,6 +4,7 @@
 //! removes biases. Correlations are compared by Fisher's z = artanh ρ. The jackknife gives the standard error of z: the
 //! scatter between parts of the log covers correlated errors of unknown size and duration.
 
+use fusion_core::math;
 use nalgebra::Vector3;
 
 /// The largest number of parts of a log.
@@ -78,7 +79,7 @@ impl Fit {
     pub(super) fn wrong_factor(&self, limit: f64) -> Option<f64> {
         let [least, most] = self.factor;
         let is_wrong = least > limit || most < 1.0 / limit;
-        (self.is_clear() && is_wrong).then(|| (least * most).sqrt())
+        (self.is_clear() && is_wrong).then(|| math::sqrt(least * most))
     }
 }
 
@@ -153,13 +154,13 @@ impl Moments {
 
     fn correlation(&self, axis: usize) -> f64 {
         let power = self.ee * self.mm[axis];
-        if power > 0.0 { self.em[axis] / power.sqrt() } else { 0.0 }
+        if power > 0.0 { self.em[axis] / math::sqrt(power) } else { 0.0 }
     }
 
     /// Fisher's transformation, which gives correlations an equal scatter. Exact data count as 1 − 10⁻⁶.
     fn fisher(&self, axis: usize) -> f64 {
         const EXACT: f64 = 1.0 - 1e-6;
-        self.correlation(axis).clamp(-EXACT, EXACT).atanh()
+        math::atanh(self.correlation(axis).clamp(-EXACT, EXACT))
     }
 }
 
@@ -169,7 +170,7 @@ fn certainty(all: &Moments, without: &[Moments], figure: impl Fn(&Moments) -> f6
     let n = without.len() as f64;
     let figures: Vec<f64> = without.iter().map(&figure).collect();
     let mean = figures.iter().sum::<f64>() / n;
-    let variance = (n - 1.0) / n * figures.iter().map(|f| (f - mean).powi(2)).sum::<f64>();
+    let variance = (n - 1.0) / n * figures.iter().map(|f| math::powi(f - mean, 2)).sum::<f64>();
     // Exact data have no scatter: 1 % is the lower limit.
-    figure(all) / variance.sqrt().max(0.01)
+    figure(all) / math::sqrt(variance).max(0.01)
 }

@@ -3,6 +3,7 @@
 use super::log::Track;
 use super::motion::GRAVITY;
 use super::regression::Fit;
+use fusion_core::math;
 use nalgebra::Vector3;
 
 /// The specific force of a body that keeps more or less upright.
@@ -36,7 +37,7 @@ impl Upright {
 
     /// Returns true if the size is clearly not gravity. Walking changes the median by a quarter.
     pub(super) fn is_wrong(&self) -> bool {
-        (self.size / GRAVITY).ln().abs() > 0.5
+        math::ln(self.size / GRAVITY).abs() > 0.5
     }
 
     pub(super) fn fit(&self) -> Fit {

@@ -11,6 +11,7 @@ use super::place::{self, Change};
 use super::regression::{FAR, Fit, NEAR};
 use fusion::config::{Diagnostic, Node};
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 
 /// Positions further than this from the origin of the design are wrong \[m\].
 const FROM_ORIGIN: f64 = 1e6;
@@ -92,7 +93,7 @@ fn resolved(fits: [Option<Fit>; 3]) -> [Option<Fit>; 3] {
     let factor = |row: usize| fits[row].and_then(|f| f.wrong_factor(FAR));
     let is_alone = |row: usize, of: f64| {
         let mut others = (0..3).filter(|other| *other != row).filter_map(factor);
-        others.all(|other| (other / of).ln().abs() > SHARED)
+        others.all(|other| math::ln(other / of).abs() > SHARED)
     };
     let is_resolved = |row: usize, fit: &Fit| match factor(row) {
         Some(of) if is_alone(row, of) => (fit.axis, fit.negative) == (row, false) && mistake::is_of_velocities(of),

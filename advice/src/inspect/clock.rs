@@ -5,6 +5,7 @@ use super::numbers::{median, quantile};
 use super::signal::factor;
 use super::words::{Words, contains};
 use fusion::source::table::{Column, Table, gps_of_unix};
+use fusion_core::math;
 
 /// An interval longer than this number of usual ones is a gap.
 const GAP: f64 = 3.5;
@@ -205,14 +206,14 @@ impl Clock {
         let t = &self.stamps;
         let steps = |column: &usize| {
             let values = &table.columns[*column].values;
-            let is_number = values.iter().all(|v| v.fract() == 0.0 && (0.0..1e6).contains(v));
+            let is_number = values.iter().all(|v| math::fract(*v) == 0.0 && (0.0..1e6).contains(v));
             is_number && (1..t.len()).all(|k| (values[k] > values[k - 1]) == (t[k] < t[k - 1]) && values[k] >= values[k - 1])
         };
         let second = (0..table.columns.len()).filter(|k| *k != self.column).find(steps)?;
         let (first, last) = self.span();
         // The next of 1, 2, 5, 10, …
         let least = (last - first) + APART;
-        let power = 10_f64.powf(least.log10().floor());
+        let power = math::powf(10_f64, math::floor(math::log10(least)));
         let each = [1.0, 2.0, 5.0, 10.0].map(|k| k * power).into_iter().find(|each| *each >= least)?;
         let stamps = t.iter().zip(&table.columns[second].values).map(|(t, number)| t + each * number);
         Some(Self {
@@ -311,7 +312,7 @@ fn sum(table: &Table, column: usize, unit: &'static str, second: usize, each: &'
 /// A GPS week and the time of week.
 fn week(table: &Table) -> Option<Clock> {
     let (second, _) = ending(table, &["week", "weeknumber", "wn", "gpsweek"], |v| {
-        v.fract() == 0.0 && (1000.0..10_000.0).contains(&v)
+        math::fract(v) == 0.0 && (1000.0..10_000.0).contains(&v)
     })?;
     let in_seconds = ending(table, &["tow", "sow", "itow", "seconds", "secs", "s"], |v| {
         (0.0..WEEK + 1.0).contains(&v)
@@ -328,7 +329,7 @@ fn week(table: &Table) -> Option<Clock> {
 
 /// Whole seconds, and their fraction in finer units.
 fn split(table: &Table) -> Option<Clock> {
-    let whole = |limit: f64| move |v: f64| v.fract() == 0.0 && (0.0..limit).contains(&v);
+    let whole = |limit: f64| move |v: f64| math::fract(v) == 0.0 && (0.0..limit).contains(&v);
     let nanos = ending(
         table,
         &["ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds", "nanos"],
@@ -336,7 +337,7 @@ fn split(table: &Table) -> Option<Clock> {
     );
     let micros = || ending(table, &["us", "usec", "usecs", "microsec", "microseconds", "micros"], whole(1e6));
     let (fine, each, size) = nanos.map(|n| (n, "1 ns", 1e-9)).or_else(|| micros().map(|m| (m, "1 us", 1e-6)))?;
-    let (column, prefix) = ending(table, &["s", "sec", "secs", "second", "seconds"], |v| v.fract() == 0.0)?;
+    let (column, prefix) = ending(table, &["s", "sec", "secs", "second", "seconds"], |v| math::fract(v) == 0.0)?;
     (prefix == fine.1).then(|| sum(table, column, "s", fine.0, each, size))
 }
 
@@ -394,7 +395,7 @@ fn is_counter(table: &Table, column: usize) -> bool {
     let is_called = contains(
         &words.stem,
         &["packet", "count", "counter", "index", "sample", "samples", "frame", "seq", "row"],
-    ) && column.values.iter().all(|v| !v.is_finite() || v.fract() == 0.0);
+    ) && column.values.iter().all(|v| !v.is_finite() || math::fract(*v) == 0.0);
     !words.unit.is_some_and(is_unit) && !is_unit(&words.stem) && (is_called || by_one * 100 >= column.values.len().saturating_sub(1) * 99)
 }
 
@@ -498,7 +499,7 @@ fn unit(words: &Words, values: &[f64], step: f64) -> (&'static str, String) {
         (f, _) if f > 1e9 => "s",
         (_, s) if s >= 1e6 => "ns",
         (_, s) if s >= 1e3 => "us",
-        (f, s) if s >= 4.0 && f.fract() == 0.0 => "ms",
+        (f, s) if s >= 4.0 && math::fract(f) == 0.0 => "ms",
         _ => "s",
     };
     (unit, format!("first {first}, usual interval {step}"))

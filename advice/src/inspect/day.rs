@@ -3,6 +3,7 @@
 use super::clock::{is_called_time, stamp_words};
 use super::{Clock, Form, Log, Origin};
 use fusion::source::table::{Calendar, Column, SOME_DAY, Table, gps_of_text, gps_of_unix, utc_text};
+use fusion_core::math;
 
 /// The day of times of day.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,7 +31,7 @@ pub(super) fn read_times_of_day(table: &mut Table) {
     };
     if table.columns.iter().all(|c| c.calendar.is_none()) {
         for column in table.columns.iter_mut().filter(|c| is_hhmmss(c)) {
-            let second = |v: &f64| (midnight + 3600.0 * (v / 1e4).floor() + 60.0 * ((v / 100.0).floor() % 100.0) + v % 100.0) * 1e9;
+            let second = |v: &f64| (midnight + 3600.0 * math::floor(v / 1e4) + 60.0 * (math::floor(v / 100.0) % 100.0) + v % 100.0) * 1e9;
             column.values = column.values.iter().map(second).collect();
             column.calendar = Some(Calendar { scale: "utc", date: None });
             column.is_time_of_day = true;
@@ -42,7 +43,7 @@ pub(super) fn read_times_of_day(table: &mut Table) {
         let mut last = f64::NAN;
         for v in column.values.iter_mut().filter(|v| v.is_finite()) {
             if last.is_finite() {
-                *v += DAY * ((last - *v) / DAY).round();
+                *v += DAY * math::round((last - *v) / DAY);
             }
             last = *v;
         }
@@ -60,8 +61,8 @@ fn is_hhmmss(column: &Column) -> bool {
     if !(is_written && is_called_time(&words) && words.unit.is_none()) {
         return false;
     }
-    let is_time = |v: &f64| (0.0..240_000.0).contains(v) && (v / 100.0).floor() % 100.0 < 60.0 && v % 100.0 < 60.0;
-    let minute = |v: f64| (v / 100.0).floor();
+    let is_time = |v: &f64| (0.0..240_000.0).contains(v) && math::floor(v / 100.0) % 100.0 < 60.0 && v % 100.0 < 60.0;
+    let minute = |v: f64| math::floor(v / 100.0);
     let values = || column.values.iter().copied().filter(|v| v.is_finite());
     let steps: Vec<f64> = values()
         .zip(values().skip(1))

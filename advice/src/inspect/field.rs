@@ -4,6 +4,7 @@ use super::log::Log;
 use super::numbers::{Integral, Vec3, median, norm};
 use super::pair::dot;
 use super::signal::Kind;
+use fusion_core::math;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// Possible strengths of the Earth's field, including iron that a state can estimate \[T\].
@@ -53,7 +54,7 @@ impl Field {
         let force = Integral::of(unit.stamps(), &force);
         let dips = log.stamps().iter().zip(&field).filter_map(|(t, m)| {
             let up = force.mean(t - STEADY, t + STEADY)?;
-            Some((-dot(*m, up) / norm(*m) / norm(up)).clamp(-1.0, 1.0).asin())
+            Some(math::asin((-dot(*m, up) / norm(*m) / norm(up)).clamp(-1.0, 1.0)))
         });
         let (strength, dip) = (median(field.iter().map(|m| norm(*m))), median(dips));
         if !STRENGTHS.contains(&strength) {

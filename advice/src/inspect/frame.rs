@@ -10,6 +10,7 @@ use super::log::Log;
 use super::signal::{Kind, Signal, UNNAMED, is_derived};
 use super::track::Track;
 use super::words::{Words, is_called};
+use fusion_core::math;
 
 /// The axes leave at most this share of the squared velocity unexplained: half of the speed is noise or a current.
 const EXPLAINED: f64 = 0.25;
@@ -36,7 +37,7 @@ impl Axes {
         match self {
             Self::NorthEast => v,
             Self::EastNorth => [v[1], v[0]],
-            Self::Body => [v[0].hypot(v[1]), 0.0],
+            Self::Body => [math::hypot(v[0], v[1]), 0.0],
         }
     }
 }
@@ -98,7 +99,7 @@ fn axes(t: &[f64], x: &[f64], y: &[f64], track: &Track) -> Option<Axes> {
         let after = t.partition_point(|t| t < at);
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter(|k| *k < t.len());
         let k = near.min_by(|a, b| (t[*a] - at).abs().total_cmp(&(t[*b] - at).abs()))?;
-        let is_moving = v[0].hypot(v[1]) > slowest && (t[k] - at).abs() <= NEAR;
+        let is_moving = math::hypot(v[0], v[1]) > slowest && (t[k] - at).abs() <= NEAR;
         (is_moving && x[k].is_finite() && y[k].is_finite()).then_some(([v[0], v[1]], [x[k], y[k]]))
     });
     let pairs: Vec<([f64; 2], [f64; 2])> = pairs.collect();
@@ -106,7 +107,7 @@ fn axes(t: &[f64], x: &[f64], y: &[f64], track: &Track) -> Option<Axes> {
     let left = |axes: Axes| {
         let parts = pairs.iter().map(|(v, own)| {
             let expected = axes.of(*v);
-            (own[0] - expected[0]).powi(2) + (own[1] - expected[1]).powi(2)
+            math::powi(own[0] - expected[0], 2) + math::powi(own[1] - expected[1], 2)
         });
         parts.sum::<f64>() / all
     };

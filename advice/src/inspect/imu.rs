@@ -5,6 +5,7 @@ use super::numbers::{Vec3, median, moments, norm, quantile};
 use super::signal::Kind;
 use super::stance::Stances;
 use super::standing::Standing;
+use fusion_core::math;
 
 /// Standard gravity \[m/s²\].
 const GRAVITY: f64 = 9.80665;
@@ -140,7 +141,7 @@ impl Imu {
             ),
             gravity,
             up: (up, gravity[up] < 0.0),
-            tilt: (gravity[up].abs() / norm(gravity)).min(1.0).acos(),
+            tilt: math::acos((gravity[up].abs() / norm(gravity)).min(1.0)),
             rest,
         })
     }
@@ -249,15 +250,15 @@ fn rest(windows: &[Window], resting: &[bool], steps: [Vec3; 2]) -> Option<Rest> 
         ratios.fold(0.0, f64::max)
     };
     let needed = at_rest().filter(is_first).map(largest).fold(0.0, f64::max);
-    let times = tight.max((needed * 100.0 * SLIDING).ceil() / 100.0).min(TIMES[0]);
+    let times = tight.max(math::ceil(needed * 100.0 * SLIDING) / 100.0).min(TIMES[0]);
     // The Allan deviation of neighbouring means over a second is the density.
     let density = |of: &dyn Fn(&Window) -> Vec3| {
         let pairs = windows.windows(2).zip(resting.windows(2)).filter(|(_, r)| r[0] && r[1]);
         let squares: Vec<f64> = pairs
-            .map(|(w, _)| 0.5 * (0..3).map(|i| (of(&w[1])[i] - of(&w[0])[i]).powi(2)).sum::<f64>() / 3.0)
+            .map(|(w, _)| 0.5 * (0..3).map(|i| math::powi(of(&w[1])[i] - of(&w[0])[i], 2)).sum::<f64>() / 3.0)
             .collect();
         // The median of a square of a normal variable is 0.455 of its mean; of three, 0.789.
-        (median(squares) / 0.789).sqrt() * WINDOW.sqrt()
+        math::sqrt(median(squares) / 0.789) * math::sqrt(WINDOW)
     };
     Some(Rest {
         share: count as f64 / windows.len() as f64,
@@ -286,5 +287,5 @@ fn field(log: &Log, (begin, duration): (f64, f64), gravity: Vec3) -> Option<(f64
     let chosen: Vec<&Vec3> = values.iter().zip(during).filter(|(_, is)| *is).map(|(v, _)| v).collect();
     let mean = [0, 1, 2].map(|i| median(chosen.iter().map(|v| v[i])));
     let down: f64 = (0..3).map(|i| -mean[i] * gravity[i]).sum::<f64>() / norm(gravity);
-    Some((norm(mean), (down / norm(mean)).asin())).filter(|(s, _)| s.is_finite() && *s > 0.0)
+    Some((norm(mean), math::asin(down / norm(mean)))).filter(|(s, _)| s.is_finite() && *s > 0.0)
 }

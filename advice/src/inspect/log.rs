@@ -8,6 +8,7 @@ use super::signal::{Kind, Signal, is_derived, signals};
 use super::track::{Odometer, Track};
 use super::words::Words;
 use fusion::source::table::Table;
+use fusion_core::math;
 
 /// A file with the quantities found in it.
 #[derive(Clone, Debug)]
@@ -52,7 +53,7 @@ impl Instances {
             let values = &table.columns[*column].values;
             let mut numbers: Vec<f64> = Vec::new();
             for v in values {
-                if !(v.fract() == 0.0 && (0.0..16.0).contains(v)) || numbers.len() > MOST {
+                if !(math::fract(*v) == 0.0 && (0.0..16.0).contains(v)) || numbers.len() > MOST {
                     return None;
                 }
                 if !numbers.contains(v) {
@@ -124,7 +125,7 @@ impl Log {
         bare.signals.retain(|s| !is_own(s));
         let Some(track) = Track::of(&bare, None) else { return };
         let (signal, t) = (&self.signals[k], self.stamps().to_vec());
-        let said = signal.values(&self.table).iter().map(|v| v[0].hypot(v[1])).collect();
+        let said = signal.values(&self.table).iter().map(|v| math::hypot(v[0], v[1])).collect();
         let speed = Odometer::new(t, said);
         if let Some((unit, ratio)) = speed.unit(&track) {
             self.signals[k].take_unit(unit, &format!("{ratio:.2} times the speed between the positions in m/s"));

@@ -1,5 +1,7 @@
 //! Small statistics of samples.
 
+use fusion_core::math;
+
 /// A vector of three numbers.
 pub(super) type Vec3 = [f64; 3];
 
@@ -8,7 +10,7 @@ pub(super) fn quantile(samples: impl IntoIterator<Item = f64>, share: f64) -> f6
     let mut sorted: Vec<f64> = samples.into_iter().filter(|v| v.is_finite()).collect();
     sorted.sort_unstable_by(f64::total_cmp);
     let last = sorted.len().saturating_sub(1);
-    sorted.get((share * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
+    sorted.get(math::round(share * last as f64) as usize).copied().unwrap_or(f64::NAN)
 }
 
 /// The median of the finite samples.
@@ -25,7 +27,11 @@ pub(super) fn moments(samples: impl IntoIterator<Item = f64>) -> (f64, f64) {
         mean += step / n;
         sum += step * (v - mean);
     }
-    if n > 0.0 { (mean, (sum / n).sqrt()) } else { (f64::NAN, f64::NAN) }
+    if n > 0.0 {
+        (mean, math::sqrt(sum / n))
+    } else {
+        (f64::NAN, f64::NAN)
+    }
 }
 
 /// Slope of y over x through their means, and their correlation.
@@ -39,12 +45,12 @@ pub(super) fn line(pairs: &[(f64, f64)]) -> (f64, f64) {
         xy += (p.0 - x) * (p.1 - y);
         yy += (p.1 - y) * (p.1 - y);
     }
-    (xy / xx, xy / (xx * yy).sqrt())
+    (xy / xx, xy / math::sqrt(xx * yy))
 }
 
 /// The length of a vector.
 pub(super) fn norm(v: Vec3) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+    math::sqrt(v.iter().map(|x| x * x).sum::<f64>())
 }
 
 /// The integral of a sampled vector from its first sample on. Each sample is constant over the interval before it.

@@ -5,6 +5,7 @@ use super::log::Log;
 use super::numbers::{Vec3, norm};
 use super::signal::Kind::{BodyVelocity, MagneticField, Speed};
 use super::{Clock, Form, Inspection, Pair, Track};
+use fusion_core::math;
 use fusion_tables::{Cell, Column, Page, Section, Table, Unit};
 use std::path::Path;
 
@@ -259,7 +260,7 @@ impl Inspection {
         }
         if let (Some((angle, correlation)), Some((_, imu))) = (pair.ahead(), &self.imu) {
             let (a, b) = super::pair::horizontal(imu.up);
-            let (c, s) = (angle.cos(), angle.sin());
+            let (c, s) = (math::cos(angle), math::sin(angle));
             let ahead = vector([0, 1, 2].map(|i| a[i] * c + b[i] * s), 3);
             t.row(["ahead", &format!("{ahead} in sensor axes (correlation {correlation:.2})")]);
         }

@@ -3,6 +3,7 @@
 
 use super::numbers::{Integral, Vec3, line, norm, quantile};
 use super::track::Track;
+use fusion_core::math;
 
 /// The largest offset that is tried, and the step \[s\].
 const REACH: f64 = 1.5;
@@ -154,16 +155,16 @@ fn span(t: &[f64]) -> Option<(f64, f64)> {
 fn intervals(track: &Track) -> Vec<Interval> {
     let slowest = MOVING.min(0.5 * track.top_speed());
     // At least a second: shorter intervals differ by the noise of the velocity.
-    let stride = (track.rate().round() as usize).max(1);
+    let stride = (math::round(track.rate()) as usize).max(1);
     let mut all = Vec::new();
     for k in stride..track.t.len() {
         let (a, b) = (track.velocity[k - stride], track.velocity[k]);
         let dt = track.t[k] - track.t[k - stride];
-        let (before, after) = (a[0].hypot(a[1]), b[0].hypot(b[1]));
+        let (before, after) = (math::hypot(a[0], a[1]), math::hypot(b[0], b[1]));
         if !(before.min(after) > slowest && dt < 3.0) {
             continue;
         }
-        let turn = (a[0] * b[1] - a[1] * b[0]).atan2(a[0] * b[0] + a[1] * b[1]) / dt;
+        let turn = math::atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]) / dt;
         all.push(Interval {
             from: track.t[k - stride],
             to: track.t[k],
@@ -177,7 +178,7 @@ fn intervals(track: &Track) -> Vec<Interval> {
 
 /// The correlation of the length of the force with the change of the vertical velocity, over a second each.
 fn climb(track: &Track, forces: &Integral, gravity: f64) -> f64 {
-    let stride = (track.rate().round() as usize).max(1);
+    let stride = (math::round(track.rate()) as usize).max(1);
     let pairs = (stride..track.t.len()).filter_map(|k| {
         let (from, to) = (track.t[k - stride], track.t[k]);
         let faster = (track.velocity[k - stride][2] - track.velocity[k][2]) / (to - from);
@@ -200,7 +201,7 @@ fn by_force(t: &[f64], force: &[Vec3], gravity: f64, track: &Track) -> Option<f6
     }
     let lengths: Vec<Vec3> = force.iter().map(|f| [norm(*f), 0.0, 0.0]).collect();
     let lengths = Integral::of(t, &lengths);
-    let stride = ((LEAST * track.rate()).round() as usize).max(1);
+    let stride = (math::round(LEAST * track.rate()) as usize).max(1);
     let longest = 1.5 * stride as f64 / track.rate();
     let steps: Vec<(f64, f64, f64)> = (stride..track.t.len())
         .filter_map(|k| {
@@ -220,7 +221,7 @@ fn by_force(t: &[f64], force: &[Vec3], gravity: f64, track: &Track) -> Option<f6
                 .collect();
             (pairs.len() >= ENOUGH).then(|| line(&pairs).1)
         };
-        let reach = (REACH / STEP).round() as i32;
+        let reach = math::round(REACH / STEP) as i32;
         let tried = (-reach..=reach).map(|k| STEP * f64::from(k));
         let tried = tried.filter_map(|lag| Some((lag, at(lag).filter(|c| c.is_finite())?)));
         let best = tried.max_by(|a, b| a.1.total_cmp(&b.1));
@@ -241,7 +242,7 @@ fn best(intervals: &[Interval], rates: &Integral, down: Vec3) -> Option<(f64, f6
             .collect();
         (pairs.len() >= ENOUGH).then(|| line(&pairs))
     };
-    let steps = (REACH / STEP).round() as i32;
+    let steps = math::round(REACH / STEP) as i32;
     let tried = (-steps..=steps).filter_map(|k| {
         let lag = STEP * f64::from(k);
         let (slope, correlation) = at(lag)?;
@@ -271,8 +272,8 @@ fn forward(intervals: &[Interval], forces: &Integral, gravity: Vec3, up: (usize,
         mm += along * along + across * across;
         ff += x * x + y * y;
     }
-    let correlation = re.hypot(im) / (mm * ff).sqrt();
-    correlation.is_finite().then(|| (im.atan2(re), correlation))
+    let correlation = math::hypot(re, im) / math::sqrt(mm * ff);
+    correlation.is_finite().then(|| (math::atan2(im, re), correlation))
 }
 
 #[cfg(test)]

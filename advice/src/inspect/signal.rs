@@ -4,6 +4,7 @@ use super::numbers::{Vec3, median, norm, quantile};
 use super::turn;
 use super::words::{QUATERNION, Words, contains, is_called, is_height, is_phrase};
 use fusion::source::table::{Column, Table};
+use fusion_core::math;
 
 /// A quantity that a filter can use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -148,11 +149,11 @@ impl Signal {
             let Some(unit) = self.course else {
                 return match (raw, self.unit.as_str()) {
                     ([latitude, longitude, height], "ddmm") => [of_ddmm(latitude), of_ddmm(longitude), height],
-                    (raw, _) if self.is_variance() => raw.map(f64::sqrt),
+                    (raw, _) if self.is_variance() => raw.map(math::sqrt),
                     (raw, _) => raw.map(|v| v * self.factor),
                 };
             };
-            let (sin, cos) = (raw[1] * factor(unit)).sin_cos();
+            let (sin, cos) = math::sin_cos(raw[1] * factor(unit));
             // The course of a vehicle at rest is often empty.
             let (north, east) = if raw[0] == 0.0 { (0.0, 0.0) } else { (raw[0] * cos, raw[0] * sin) };
             [north, east, raw[2]].map(|v| v * self.factor)
@@ -357,7 +358,7 @@ fn is_without_gravity(table: &Table, signal: &Signal) -> bool {
     let is_whole = signal
         .columns
         .iter()
-        .all(|(k, _)| table.columns[*k].values.iter().take(1000).all(|v| v.fract() == 0.0));
+        .all(|(k, _)| table.columns[*k].values.iter().take(1000).all(|v| math::fract(*v) == 0.0));
     signal.kind == Kind::SpecificForce && signal.unit == "counts" && !is_whole
 }
 
@@ -787,8 +788,8 @@ fn settle_by_turns(found: &mut [Signal], table: &Table, rate: f64) {
     let Some((slope, what)) = slopes.next() else { return };
     let (radians, degrees) = (1.0, 1_f64.to_radians());
     // The threshold is half-way between the two on a logarithmic scale.
-    let unit = if slope > (radians * degrees).sqrt() { "rad/s" } else { "deg/s" };
-    if (slope / factor(unit)).ln().abs() < 2_f64.ln() {
+    let unit = if slope > math::sqrt(radians * degrees) { "rad/s" } else { "deg/s" };
+    if math::ln(slope / factor(unit)).abs() < math::ln(2_f64) {
         gyros.unit = unit.to_owned();
         gyros.factor = factor(unit);
         let found = gyros.why.split(';').next().unwrap_or_default().to_owned();
@@ -806,7 +807,7 @@ fn usual_speed(s: &Signal, table: &Table, rate: f64) -> f64 {
     let is_fix = |p: &Vec3| p[..2] != [0.0, 0.0];
     let steps = (1..table.rows()).filter_map(|row| {
         let (a, b) = (place(row - 1), place(row));
-        let step = (b[0] - a[0]).hypot((b[1] - a[1]) * a[0].cos());
+        let step = math::hypot(b[0] - a[0], (b[1] - a[1]) * math::cos(a[0]));
         (step > 0.0 && is_fix(&a) && is_fix(&b)).then_some(step)
     });
     // A fix that is repeated in several rows moves once in several intervals. The share of rows that change corrects
@@ -836,7 +837,7 @@ fn is_beyond(s: &Signal, table: &Table) -> bool {
 
 /// Degrees and minutes in one number as rad.
 fn of_ddmm(x: f64) -> f64 {
-    let degrees = (x / 100.0).trunc();
+    let degrees = math::trunc(x / 100.0);
     (degrees + (x - 100.0 * degrees) / 60.0).to_radians()
 }
 

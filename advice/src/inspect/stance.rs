@@ -1,6 +1,7 @@
 //! Finds a foot by its inertial unit: it is at rest for a moment, swings, and is at rest again.
 
 use super::numbers::{Vec3, median, moments, norm, quantile};
+use fusion_core::math;
 
 /// A standing foot turns slower than `SLOW` [rad/s], and its force differs from gravity by less than `STILL` [m/s²].
 const SLOW: f64 = 0.6;
@@ -99,7 +100,7 @@ impl Stances {
             gyro_std: typical(rate),
             rolling,
             // Faster turns were not accepted as a stance here either.
-            mean_rate: largest + (3.0 * rolling.hypot(BIAS)).min(SLOW),
+            mean_rate: largest + (3.0 * math::hypot(rolling, BIAS)).min(SLOW),
         })
     }
 }

@@ -7,6 +7,7 @@
 //!           not separate the two, but the creeping car does not stay so quiet for long
 
 use super::numbers::{Vec3, moments};
+use fusion_core::math;
 
 /// Length of a test, time between tests, and time around it in which the reported speed counts, because it may be late
 /// [s].
@@ -100,7 +101,7 @@ fn all(t: &[f64], samples: [&[Vec3]; 2], limits: [Vec3; 2], stands: &dyn Fn(f64)
         next = t[end] + STEP * 0.999;
         let ratio = |k: usize, axis: usize| moments(samples[k][begin..=end].iter().map(|v| v[axis])).1 / limits[k][axis];
         let ratios = (0..6).map(|k| ratio(k / 3, k % 3));
-        let steps = ((WINDOW + 2.0 * AROUND) / 0.5).round() as u32;
+        let steps = math::round((WINDOW + 2.0 * AROUND) / 0.5) as u32;
         let around = (0..=steps).map(|k| stands(t[end] - WINDOW - AROUND + 0.5 * f64::from(k)));
         tests.push(Test {
             t: t[end],

@@ -3,6 +3,7 @@
 use super::log::Log;
 use super::numbers::{Vec3, median, quantile};
 use super::signal::Kind;
+use fusion_core::math;
 
 /// Mean radius of the Earth \[m\]: accurate enough for a track.
 const RADIUS: f64 = 6.371e6;
@@ -87,7 +88,7 @@ impl Track {
             let o = *origin.get_or_insert(at);
             track.t.push(*t);
             track.position.push(if is_geodetic {
-                [(at[0] - o[0]) * RADIUS, (at[1] - o[1]) * RADIUS * o[0].cos(), o[2] - at[2]]
+                [(at[0] - o[0]) * RADIUS, (at[1] - o[1]) * RADIUS * math::cos(o[0]), o[2] - at[2]]
             } else {
                 at
             });
@@ -148,7 +149,7 @@ impl Track {
         for k in 1..self.t.len() {
             if self.t[k] - self.t[from] >= 1.0 {
                 let step = |i: usize| self.position[k][i] - self.position[from][i];
-                self.way += step(0).hypot(step(1));
+                self.way += math::hypot(step(0), step(1));
                 from = k;
             }
         }
@@ -180,7 +181,7 @@ impl Track {
         /// At least the share `OFTEN` of all fixes comes back, and the share `MOST` of the jumps.
         const OFTEN: f64 = 0.05;
         const MOST: f64 = 0.75;
-        let far = |a: usize, b: usize| (self.position[a][0] - self.position[b][0]).hypot(self.position[a][1] - self.position[b][1]);
+        let far = |a: usize, b: usize| math::hypot(self.position[a][0] - self.position[b][0], self.position[a][1] - self.position[b][1]);
         let steps: Vec<f64> = (1..self.t.len()).map(|k| far(k - 1, k)).collect();
         let jump = (JUMP * median(steps.iter().copied())).max(LEAST);
         let jumps: Vec<usize> = (1..self.t.len()).filter(|k| steps[k - 1] > jump).collect();
@@ -211,7 +212,7 @@ impl Track {
             let off = |i: usize| p[1][i] - 0.5 * (p[0][i] + p[2][i]);
             (0.8..1.25)
                 .contains(&even)
-                .then(|| off(0).hypot(off(1)) / 1.5_f64.sqrt() / unit(k + 1))
+                .then(|| math::hypot(off(0), off(1)) / math::sqrt(1.5_f64) / unit(k + 1))
         });
         middle.collect()
     }
@@ -224,14 +225,14 @@ impl Track {
         let noise = 5.0 * self.velocity_scatter;
         let vertical = if v[2].abs() > noise.max(0.5) { v[2] } else { 0.0 };
         (t - self.t[k] < 2.0)
-            .then(|| v[0].hypot(v[1]).hypot(vertical))
+            .then(|| math::hypot(math::hypot(v[0], v[1]), vertical))
             .filter(|s| s.is_finite())
     }
 
     /// The horizontal speed that 95 % of the rows stay below \[m/s\].
     #[must_use]
     pub fn top_speed(&self) -> f64 {
-        let fast = quantile(self.velocity.iter().map(|v| v[0].hypot(v[1])), 0.95);
+        let fast = quantile(self.velocity.iter().map(|v| math::hypot(v[0], v[1])), 0.95);
         let mean = || self.way / (self.t[self.t.len() - 1] - self.t[0]);
         // Fixes too far apart for differences: only the mean is known.
         if fast.is_nan() && self.t.len() > 1 { mean() } else { fast }
@@ -251,8 +252,8 @@ impl Track {
                 [product, before, after]
             }
         });
-        let alike = sums[0] / (sums[1] * sums[2]).sqrt();
-        (0.0..1.0).contains(&alike).then(|| -usual / alike.ln())
+        let alike = sums[0] / math::sqrt(sums[1] * sums[2]);
+        (0.0..1.0).contains(&alike).then(|| -usual / math::ln(alike))
     }
 
     /// Fixes a second.
@@ -293,7 +294,7 @@ pub(super) struct Odometer {
 impl Odometer {
     /// From a log with a speed, or with a body velocity, whose horizontal length is used.
     pub(super) fn of(log: &Log, kind: Kind) -> Option<Self> {
-        let speed = log.values(kind)?.iter().map(|v| v[0].hypot(v[1])).collect();
+        let speed = log.values(kind)?.iter().map(|v| math::hypot(v[0], v[1])).collect();
         let t = log.stamps().to_vec();
         let is_sound = t.len() > 2 && t.is_sorted();
         is_sound.then(|| Self::new(t, speed))

@@ -6,6 +6,7 @@
 
 use super::numbers::{Vec3, norm};
 use super::pair::{cross, dot};
+use fusion_core::math;
 
 /// Fewer steps, or a smaller correlation, are not enough.
 const ENOUGH: usize = 100;
@@ -14,7 +15,7 @@ const CLEAR: f64 = 0.5;
 /// The ratio of the turn of a direction to the turn by `rate`, both sampled at `hertz`, in steps of `step` seconds.
 /// `None` if the correlation is too small.
 pub(super) fn slope(direction: &[Vec3], rate: &[Vec3], hertz: f64, step: f64) -> Option<f64> {
-    let rows = (step * hertz).round().max(1.0) as usize;
+    let rows = math::round(step * hertz).max(1.0) as usize;
     let mean = |of: &[Vec3]| [0, 1, 2].map(|i| of.iter().map(|v| v[i]).sum::<f64>() / of.len() as f64);
     let steps: Vec<(Vec3, Vec3)> = direction
         .chunks_exact(rows)
@@ -36,7 +37,7 @@ pub(super) fn slope(direction: &[Vec3], rate: &[Vec3], hertz: f64, step: f64) ->
             seen += dot(change, change);
         }
     }
-    (count >= ENOUGH && both > CLEAR * (told * seen).sqrt()).then(|| both / told)
+    (count >= ENOUGH && both > CLEAR * math::sqrt(told * seen)).then(|| both / told)
 }
 
 #[cfg(test)]

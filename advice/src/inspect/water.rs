@@ -10,6 +10,7 @@ use super::log::Log;
 use super::numbers::median;
 use super::signal::{Kind, factor};
 use super::track::{Odometer, Track};
+use fusion_core::math;
 use nalgebra::{DMatrix, DVector};
 
 /// The speed is through the water if the current explains at least this share of the part that a scale alone does not
@@ -47,14 +48,14 @@ fn current(speed: &Odometer, track: &Track) -> Option<(Option<[f64; 2]>, bool)> 
     let rows = track.t.iter().zip(&track.velocity).filter_map(|(t, v)| {
         let s = speed.at(*t)?;
         let row = [v[0], v[1], v[0] * v[0] + v[1] * v[1], s * s];
-        (track.is_reported && row.iter().all(|x| x.is_finite())).then_some(((t / MEAN).floor(), row))
+        (track.is_reported && row.iter().all(|x| x.is_finite())).then_some((math::floor(t / MEAN), row))
     });
     let rows: Vec<(f64, [f64; 4])> = rows.collect();
     let means = rows.chunk_by(|a, b| a.0 == b.0).map(|bin| {
         let mean = |i: usize| bin.iter().map(|(_, row)| row[i]).sum::<f64>() / bin.len() as f64;
         [0, 1, 2, 3].map(mean)
     });
-    let means: Vec<[f64; 4]> = means.filter(|mean| mean[0].hypot(mean[1]) > slowest).collect();
+    let means: Vec<[f64; 4]> = means.filter(|mean| math::hypot(mean[0], mean[1]) > slowest).collect();
     if means.len() < ENOUGH {
         return None;
     }
@@ -71,11 +72,11 @@ fn current(speed: &Odometer, track: &Track) -> Option<(Option<[f64; 2]>, bool)> 
     };
     let ((ground, _), (water, x)) = (left(&of_ground)?, left(&of_water)?);
     let c = [x[0], x[1]];
-    let is_clear = water < (1.0 - EXPLAINED) * ground && c[0].hypot(c[1]) > CURRENT;
-    let sum = means
-        .iter()
-        .fold((0.0, 0.0, 0.0), |sum, v| (sum.0 + v[0], sum.1 + v[1], sum.2 + v[0].hypot(v[1])));
-    Some((is_clear.then_some(c), sum.0.hypot(sum.1) < TURNING * sum.2))
+    let is_clear = water < (1.0 - EXPLAINED) * ground && math::hypot(c[0], c[1]) > CURRENT;
+    let sum = means.iter().fold((0.0, 0.0, 0.0), |sum, v| {
+        (sum.0 + v[0], sum.1 + v[1], sum.2 + math::hypot(v[0], v[1]))
+    });
+    Some((is_clear.then_some(c), math::hypot(sum.0, sum.1) < TURNING * sum.2))
 }
 
 /// Finds the unit of a speed without a named unit from the speed over ground, reported or between the positions. A
@@ -97,12 +98,12 @@ impl Odometer {
         const NEAR: [(&str, f64); 4] = [("ft/s", 1.03), ("m/s", 1.15), ("kn", 1.15), ("km/h", 1.15)];
         let slowest = 0.5 * track.top_speed();
         let ratios = track.t.iter().zip(&track.velocity).filter_map(|(t, v)| {
-            let (ground, said) = (v[0].hypot(v[1]), self.at(*t)?);
+            let (ground, said) = (math::hypot(v[0], v[1]), self.at(*t)?);
             (ground > slowest && ground > 0.0).then(|| said / ground)
         });
         let ratios: Vec<f64> = ratios.collect();
         let ratio = median(ratios.iter().copied());
-        let is_near = |(unit, near): &&(&str, f64)| (ratio * factor(unit)).ln().abs() < near.ln();
+        let is_near = |(unit, near): &&(&str, f64)| math::ln(ratio * factor(unit)).abs() < math::ln(*near);
         let (unit, _) = NEAR.iter().find(is_near).filter(|_| ratios.len() >= ENOUGH)?;
         Some((unit, ratio))
     }

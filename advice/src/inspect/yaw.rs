@@ -1,6 +1,7 @@
 //! The convention of a recorded heading: its direction and its zero, from the course over ground.
 
 use super::track::Track;
+use fusion_core::math;
 
 /// A heading against the course.
 #[derive(Clone, Copy, Debug)]
@@ -27,8 +28,8 @@ impl Yaw {
         let mut pairs = Vec::new();
         for (k, v) in track.t.iter().zip(&track.velocity) {
             let row = t.partition_point(|s| s < k);
-            if v[0].hypot(v[1]) > slowest && t.get(row).is_some_and(|s| s - k < 1.0) && yaw[row].is_finite() {
-                pairs.push((v[1].atan2(v[0]), yaw[row]));
+            if math::hypot(v[0], v[1]) > slowest && t.get(row).is_some_and(|s| s - k < 1.0) && yaw[row].is_finite() {
+                pairs.push((math::atan2(v[1], v[0]), yaw[row]));
             }
         }
         if pairs.len() < 10 {
@@ -37,9 +38,9 @@ impl Yaw {
         let mean = |sign: f64| {
             let sum = pairs
                 .iter()
-                .map(|(c, y)| (c - sign * y).sin_cos())
+                .map(|(c, y)| math::sin_cos(c - sign * y))
                 .fold((0.0, 0.0), |m, p| (m.0 + p.0, m.1 + p.1));
-            (sum.0.atan2(sum.1), sum.0.hypot(sum.1) / pairs.len() as f64)
+            (math::atan2(sum.0, sum.1), math::hypot(sum.0, sum.1) / pairs.len() as f64)
         };
         let (with, against) = (mean(1.0), mean(-1.0));
         let is_clockwise = with.1 >= against.1;

@@ -3,6 +3,7 @@
 use fusion::design::Design;
 use fusion::observe::{RunEvent, RunObserver};
 use fusion::score::{Deviation, EpochError, nees_of};
+use fusion_core::math;
 use fusion_core::runner::Halt;
 use fusion_core::time::Time;
 
@@ -151,7 +152,7 @@ impl Together {
     fn of(all: &[History], quantity: usize, bin: i64, time: f64) -> Self {
         let own = |h: &History| Some(h.bins.get(usize::try_from(bin - h.first).ok()?)?.0[quantity]);
         let found: Vec<OfQuantity> = all.iter().filter_map(own).filter(|q| q.count > 0.0).collect();
-        let mut errors: Vec<f64> = found.iter().map(|q| (q.squares / q.count).sqrt()).collect();
+        let mut errors: Vec<f64> = found.iter().map(|q| math::sqrt(q.squares / q.count)).collect();
         errors.sort_by(f64::total_cmp);
         let most = found.iter().filter_map(|q| q.nees).map(|n| n.1).max();
         let nees = most.map(|dof| {
@@ -168,7 +169,7 @@ impl Together {
             return f64::NAN;
         };
         let at = share.clamp(0.0, 1.0) * last as f64;
-        let below = at.floor() as usize;
+        let below = math::floor(at) as usize;
         let above = (below + 1).min(last);
         self.errors[below] + (at - below as f64) * (self.errors[above] - self.errors[below])
     }

@@ -4,6 +4,7 @@ mod history;
 mod part;
 mod runs;
 
+use fusion_core::math;
 pub use history::{History, Together, together};
 pub use part::Unreadable;
 
@@ -363,7 +364,7 @@ impl Campaign {
             let (count, sum) = values.filter(|v| !v.is_nan()).fold((0.0, 0.0), |(n, s), v| (n + 1.0, s + v));
             (count > 0.0).then_some(sum / count)
         };
-        let rms = |figure: fn(&RunRow) -> f64| mean(&mut self.rows.iter().map(|row| figure(row).powi(2))).map(f64::sqrt);
+        let rms = |figure: fn(&RunRow) -> f64| mean(&mut self.rows.iter().map(|row| math::powi(figure(row), 2))).map(math::sqrt);
         // A run in which the filter never started has no figure, and has not converged.
         let runs = || self.rows.iter().filter_map(|row| row.convergence);
         let (declared, converged) = (runs().next().is_some(), || runs().filter(|c| c.converged));
@@ -375,7 +376,7 @@ impl Campaign {
                 mean(&mut runs.map(|c| c.mean / c.dof as f64))
             }),
             drift_percent: mean(&mut self.rows.iter().filter_map(|row| row.drift_percent)),
-            drift: mean(&mut self.rows.iter().filter_map(|row| row.drift_rms).map(|d| d * d)).map(f64::sqrt),
+            drift: mean(&mut self.rows.iter().filter_map(|row| row.drift_rms).map(|d| d * d)).map(math::sqrt),
             converged: declared.then(|| converged().count() as f64 / self.rows.len() as f64),
             after: median(converged().filter_map(|c| c.after).collect()),
         }
@@ -455,11 +456,11 @@ impl Campaign {
             return None;
         }
         let mean = values.iter().sum::<f64>() / n;
-        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        let variance = values.iter().map(|v| math::powi(v - mean, 2)).sum::<f64>() / (n - 1.0).max(1.0);
         let (min, max) = values.iter().fold((f64::MAX, f64::MIN), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
         Some(Spread {
             mean,
-            std: variance.sqrt(),
+            std: math::sqrt(variance),
             min,
             max,
         })

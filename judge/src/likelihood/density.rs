@@ -10,6 +10,7 @@
 
 use fusion_core::consistency::chi_square_quantile;
 use fusion_core::filter::Update;
+use fusion_core::math;
 use std::sync::OnceLock;
 
 /// The share of outliers that a gated sensor is believed to have, as Tukey's example has it.
@@ -51,7 +52,7 @@ impl Density {
     pub(crate) fn of_update(&self, update: &Update<'_>) -> Option<f64> {
         let m = update.residual.len();
         let diagonal = update.innovation_factor.iter().step_by(m + 1);
-        let log_det = 2.0 * diagonal.map(|l| l.ln()).sum::<f64>();
+        let log_det = 2.0 * diagonal.map(|l| math::ln(*l)).sum::<f64>();
         let log = self.log_of(m, log_det, update.nis);
         (m > 0 && log.is_finite()).then_some(log)
     }
@@ -59,7 +60,7 @@ impl Density {
     /// ln p(r), for r and the factor L of S.
     pub(crate) fn log(&self, r: &[f64], l: &[f64]) -> f64 {
         let m = r.len();
-        let log_det: f64 = (0..m).map(|i| 2.0 * l[i * m + i].ln()).sum();
+        let log_det: f64 = (0..m).map(|i| 2.0 * math::ln(l[i * m + i])).sum();
         self.log_of(m, log_det, whitened(r, l).iter().map(|w| w * w).sum())
     }
 
@@ -70,7 +71,7 @@ impl Density {
             Self::WithOutliers { scale } => {
                 let (normal, tail) = parts(m, square / scale);
                 let most = normal.max(tail);
-                most + ((normal - most).exp() + (tail - most).exp()).ln() - 0.5 * (log_det + m as f64 * scale.ln())
+                most + math::ln(math::exp(normal - most) + math::exp(tail - most)) - 0.5 * (log_det + m as f64 * math::ln(scale))
             }
         }
     }
@@ -81,7 +82,7 @@ impl Density {
             Self::Normal => -0.5,
             Self::WithOutliers { scale } => {
                 let (normal, tail) = parts(m, square / scale);
-                let share = 1.0 / (1.0 + (tail - normal).exp());
+                let share = 1.0 / (1.0 + math::exp(tail - normal));
                 let of_tail = (1.0 + m as f64) / (WIDE * WIDE + square / scale);
                 -0.5 * (share + (1.0 - share) * of_tail) / scale
             }
@@ -112,7 +113,7 @@ fn scale(m: usize) -> f64 {
             let wide = x / c / (WIDE * WIDE);
             let of_normal = x / c - dof;
             let of_tail = (1.0 + dof) * wide / (1.0 + wide) - dof;
-            (normal.exp() * of_normal + tail.exp() * of_tail) / (normal.exp() + tail.exp())
+            (math::exp(normal) * of_normal + math::exp(tail) * of_tail) / (math::exp(normal) + math::exp(tail))
         });
         each.sum()
     };
@@ -127,15 +128,15 @@ fn scale(m: usize) -> f64 {
 
 /// ln of the normal density of a vector with this square and S = I.
 fn normal(m: usize, square: f64) -> f64 {
-    -0.5 * (m as f64 * core::f64::consts::TAU.ln() + square)
+    -0.5 * (m as f64 * math::ln(core::f64::consts::TAU) + square)
 }
 
 /// ln of the two parts of the mixture for a vector with this square and S = I, each with its share.
 fn parts(m: usize, square: f64) -> (f64, f64) {
     let dof = m as f64;
-    let constant = log_gamma(1.0 + dof) - log_gamma(1.0) - 0.5 * dof * core::f64::consts::PI.ln() - dof * WIDE.ln();
-    let tail = constant - 0.5 * (1.0 + dof) * (square / (WIDE * WIDE)).ln_1p();
-    ((1.0 - SHARE).ln() + normal(m, square), SHARE.ln() + tail)
+    let constant = log_gamma(1.0 + dof) - log_gamma(1.0) - 0.5 * dof * math::ln(core::f64::consts::PI) - dof * math::ln(WIDE);
+    let tail = constant - 0.5 * (1.0 + dof) * math::ln_1p(square / (WIDE * WIDE));
+    (math::ln(1.0 - SHARE) + normal(m, square), math::ln(SHARE) + tail)
 }
 
 /// ln Γ(x / 2) for whole x.
@@ -143,10 +144,14 @@ fn log_gamma(x: f64) -> f64 {
     let (mut sum, mut half) = (0.0, 0.5 * x);
     while half > 1.0 {
         half -= 1.0;
-        sum += half.ln();
+        sum += math::ln(half);
     }
     // Γ(1) = 1, Γ(1/2) = √π.
-    if half < 0.75 { sum + 0.5 * core::f64::consts::PI.ln() } else { sum }
+    if half < 0.75 {
+        sum + 0.5 * math::ln(core::f64::consts::PI)
+    } else {
+        sum
+    }
 }
 
 /// L⁻¹ r.

@@ -13,6 +13,7 @@ use super::Density;
 use fusion::design::Design;
 use fusion::observe::{RunEvent, RunObserver};
 use fusion_core::health::State;
+use fusion_core::math;
 use fusion_core::runner::{Event, Halt};
 use std::hash::{DefaultHasher, Hasher};
 
@@ -149,14 +150,14 @@ pub(crate) fn difference(sensor: Option<String>, rows: &[(f64, f64)]) -> Differe
     }
     let nats: f64 = blocks.iter().sum();
     let count = BLOCKS as f64;
-    let squares: f64 = blocks.iter().map(|block| (block - nats / count).powi(2)).sum();
+    let squares: f64 = blocks.iter().map(|block| math::powi(block - nats / count, 2)).sum();
     let is_determined = rows.len() >= BLOCKS;
     Difference {
         sensor,
         rows: rows.len(),
         nats,
         sigma: if is_determined {
-            (squares * count / (count - 1.0)).sqrt()
+            math::sqrt(squares * count / (count - 1.0))
         } else {
             f64::NAN
         },

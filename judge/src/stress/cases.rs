@@ -7,6 +7,7 @@ use super::survey::Survey;
 use fusion::assembly::{Assembly, StreamChannel, StreamLayout, stream_of};
 use fusion::config::{Diagnostic, Diagnostics, Document, Node};
 use fusion::design::Design;
+use fusion_core::math;
 use fusion_core::time::{Time, nanos};
 use fusion_models::block::{Channel, Shape};
 use fusion_models::fault::{FaultContext, FaultSpec, ProvidedChannel, derive_seed};
@@ -204,7 +205,7 @@ fn single<'a>(
         for (field, multiple) in sizes {
             let scale = scale(design, assembly, survey, target, channel.unwrap_or(0));
             let by = sized(&scale, *multiple, derive_seed(seed, &[&kind.name, &on, field]));
-            let total = by.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let total = math::sqrt(by.iter().map(|x| x * x).sum::<f64>());
             shown.push(unit(&c.channel, field).list(&[total]));
             fields.push(format!("{field} = {by:?}"));
         }
@@ -300,7 +301,7 @@ pub(super) fn sized(scale: &[f64], multiple: f64, seed: u64) -> Vec<f64> {
         (drawn >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     };
     let direction: Vec<f64> = (0..scale.len()).map(unit).collect();
-    let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+    let length = math::sqrt(direction.iter().map(|x| x * x).sum::<f64>()).max(f64::MIN_POSITIVE);
     let by = direction.iter().zip(scale).map(|(x, s)| digits(multiple * s * x / length));
     by.collect()
 }

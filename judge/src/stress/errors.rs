@@ -14,6 +14,7 @@
 
 use fusion::score::{Deviation, EpochError};
 use fusion_core::geometry::so3;
+use fusion_core::math;
 use fusion_core::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -91,7 +92,7 @@ impl Errors {
 fn sigma(d: &Deviation) -> Vector3<f64> {
     let estimated = d.is_estimated();
     let total = (d.own + d.reference).diagonal();
-    Vector3::from_fn(|i, _| if estimated[i] { total[i].sqrt() } else { f64::INFINITY })
+    Vector3::from_fn(|i, _| if estimated[i] { math::sqrt(total[i]) } else { f64::INFINITY })
 }
 
 /// e/σ; an error that is NaN, or has no σ, gives the largest ratio.

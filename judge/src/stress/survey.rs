@@ -8,6 +8,7 @@ use fusion::run::Summary;
 use fusion::score::{EpochError, ReferenceEpoch};
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::state::Manifold;
 use fusion_core::time::{Time, nanos};
@@ -55,7 +56,7 @@ impl Learnt {
                 Shape::Geodetic => Geodetic::read(&values[range.clone()])
                     .difference(&Geodetic::read(&self.last[range]))
                     .norm_squared(),
-                Shape::Angle => so3::wrap_angle(values[range.start] - self.last[range.start]).powi(2),
+                Shape::Angle => math::powi(so3::wrap_angle(values[range.start] - self.last[range.start]), 2),
                 Shape::Vector | Shape::Quaternion => 0.0,
             };
         }
@@ -65,14 +66,14 @@ impl Learnt {
     /// The largest standard deviation of a channel's numbers.
     pub(super) fn spread(&self, layout: &StreamLayout, channel: usize) -> f64 {
         let n = self.count.max(1) as f64;
-        self.greatest(layout, channel, |[sum, squares, _]| squares / n - (sum / n).powi(2))
+        self.greatest(layout, channel, |[sum, squares, _]| squares / n - math::powi(sum / n, 2))
     }
 
     /// The RMS change between two rows: metres for a place, an angle for an attitude.
     pub(super) fn change(&self, layout: &StreamLayout, channel: usize) -> f64 {
         let n = (self.count.max(2) - 1) as f64;
         match layout.channels[channel].shape {
-            Shape::Geodetic | Shape::Angle => (self.moved.get(channel).copied().unwrap_or(0.0) / n).sqrt(),
+            Shape::Geodetic | Shape::Angle => math::sqrt(self.moved.get(channel).copied().unwrap_or(0.0) / n),
             Shape::Vector => self.greatest(layout, channel, |[.., changes]| changes / n),
             // A rotation by φ changes a component by at most φ/2.
             Shape::Quaternion => 2.0 * self.greatest(layout, channel, |[.., changes]| changes / n),
@@ -82,7 +83,7 @@ impl Learnt {
     fn greatest(&self, layout: &StreamLayout, channel: usize, variance: impl Fn([f64; 3]) -> f64) -> f64 {
         let c = &layout.channels[channel];
         let sums = self.sums.get(c.offset..c.offset + c.width).unwrap_or_default();
-        sums.iter().map(|s| variance(*s).max(0.0).sqrt()).fold(0.0, f64::max)
+        sums.iter().map(|s| math::sqrt(variance(*s).max(0.0))).fold(0.0, f64::max)
     }
 }
 
@@ -173,7 +174,7 @@ impl Survey {
         let earliest = settled.max(from.unwrap_or(Time::MIN));
         let speeds: Vec<(Time, f64)> = self.estimates.iter().filter_map(|e| Some((e.time, e.velocity?.norm()))).collect();
         let squares = speeds.iter().map(|(_, v)| v * v).sum::<f64>();
-        let moving = 0.5 * (squares / speeds.len().max(1) as f64).sqrt();
+        let moving = 0.5 * math::sqrt(squares / speeds.len().max(1) as f64);
         let (mut since, mut found) = (None, None);
         for (time, speed) in speeds {
             if speed < moving {

@@ -3,6 +3,7 @@
 use super::sensitivity::Sensitivity;
 use super::trials::{Part, Score, Trials};
 use fusion::config::Diagnostics;
+use fusion_core::math;
 use nalgebra::{DMatrix, DVector};
 use std::sync::atomic::Ordering;
 
@@ -76,7 +77,7 @@ impl Point {
             self.free()
                 .iter()
                 .enumerate()
-                .for_each(|(k, j)| sigmas[*j] = covariance[(k, k)].sqrt());
+                .for_each(|(k, j)| sigmas[*j] = math::sqrt(covariance[(k, k)]));
         }
         sigmas
     }

@@ -26,6 +26,7 @@ mod sensitivity;
 mod trials;
 mod white;
 
+use fusion_core::math;
 pub use parameter::Parameter;
 pub use white::Independence;
 
@@ -103,7 +104,7 @@ impl Found {
     /// The 95 % interval of the factor.
     #[must_use]
     pub fn interval(&self) -> (f64, f64) {
-        let width = (STUDENT_95 * self.sigma).exp();
+        let width = math::exp(STUDENT_95 * self.sigma);
         (self.factor / width, self.factor * width)
     }
 
@@ -200,7 +201,7 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
     let log_likelihood = trials.log_likelihood(&point.score, &all_rows);
     let found = trials.parameters.iter().enumerate().map(|(j, parameter)| Found {
         parameter: parameter.clone(),
-        factor: point.theta[j].exp(),
+        factor: math::exp(point.theta[j]),
         sigma: sigmas[j],
         is_refuted: refuted.contains(&j),
     });
@@ -279,7 +280,7 @@ fn search(trials: &mut Trials<'_>, design: &Design, progress: &(dyn Fn(u64, f64)
 /// The maximum near `theta`, with a prior for the parameters that need one.
 fn highest(trials: &Trials<'_>, theta: Vec<f64>, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<Point, Diagnostics> {
     let d = trials.parameters.len();
-    let weight = trials.settings.prior.unwrap_or(PRIOR).powi(-2);
+    let weight = math::powi(trials.settings.prior.unwrap_or(PRIOR), -2);
     let start = Start {
         theta,
         free: (0..d).collect(),
@@ -308,7 +309,7 @@ fn agree(all: &Point, half: &Point, probability: f64) -> bool {
         // Blocks of time determine a variance to a third. Half of the rows have twice the variance of all.
         .map(|((theta, sigma), (half, sigma_half))| {
             let variance = sigma_half * sigma_half;
-            (half - theta).powi(2) / (variance - sigma * sigma).max(0.5 * variance)
+            math::powi(half - theta, 2) / (variance - sigma * sigma).max(0.5 * variance)
         })
         .collect();
     let limit = chi_square_quantile(1.0 - probability / known.len().max(1) as f64, 1.0);

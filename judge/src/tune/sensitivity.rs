@@ -16,6 +16,7 @@
 use super::trials::{Part, Score, Trials};
 use crate::likelihood::{BLOCKS, between, block, product, whitened};
 use fusion::config::Diagnostics;
+use fusion_core::math;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -205,10 +206,10 @@ fn change((r, l): (&[f64], &[f64]), (r_new, l_new): (&[f64], &[f64])) -> Vec<f64
     let mut change = whitened(&off, l);
     let ratio = between(&product(l_new, m), l, m);
     if m == 1 {
-        change.push(ratio[0].ln());
+        change.push(math::ln(ratio[0]));
     } else {
         let eigen = DMatrix::from_row_slice(m, m, &ratio).symmetric_eigen();
-        let logs = DMatrix::from_diagonal(&eigen.eigenvalues.map(f64::ln));
+        let logs = DMatrix::from_diagonal(&eigen.eigenvalues.map(math::ln));
         // Symmetric, so its columns are its rows.
         change.extend((&eigen.eigenvectors * logs * eigen.eigenvectors.transpose()).iter());
     }

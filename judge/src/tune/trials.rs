@@ -6,6 +6,7 @@ use crate::likelihood::Density;
 use fusion::config::{Diagnostics, Edit};
 use fusion::design::Design;
 use fusion::run::run_sharing;
+use fusion_core::math;
 use fusion_models::sim::SharedCourse;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -96,7 +97,7 @@ impl Trials<'_> {
         let own = &self.logs[log];
         let mut document = own.document.clone();
         for (parameter, theta) in self.parameters.iter().zip(theta) {
-            document.apply(&parameter.times(theta.exp(), None))?;
+            document.apply(&parameter.times(math::exp(*theta), None))?;
         }
         for thinned in &self.thinning[log] {
             document.apply(&thinned.edit())?;

@@ -6,6 +6,7 @@ use crate::likelihood::{BLOCKS, Density, block, whitened};
 use fusion::config::{Diagnostic, Diagnostics, Edit};
 use fusion::design::Design;
 use fusion_core::consistency::{chi_square_quantile, chi_square_tail};
+use fusion_core::math;
 
 /// Autocorrelations up to this lag are tested together.
 const LAGS: usize = 5;
@@ -97,7 +98,7 @@ pub(super) fn judge(design: &Design, trials: &Trials<'_>, score: &Score) -> Vec<
         } else {
             f64::INFINITY
         };
-        let whiteness = ljung_box(&all, limit.sqrt());
+        let whiteness = ljung_box(&all, math::sqrt(limit));
         let distribution = kolmogorov(all.iter().flatten().map(|w| w.iter().map(|w| w * w).sum()), m, limit);
         let blocks = logs.iter().flat_map(|(rows, from)| squares(rows, *from, limit)).collect::<Vec<_>>();
         let varies = variation(&blocks, m, trials.settings.false_refusal);
@@ -156,15 +157,19 @@ fn variation(blocks: &[(f64, f64)], m: usize, probability: f64) -> f64 {
     let (rows, sum) = filled.iter().fold((0.0, 0.0), |all, own| (all.0 + own.0, all.1 + own.1));
     let weights = filled.iter().map(|(rows, _)| 0.5 * m as f64 * rows);
     let ratios: Vec<f64> = filled.iter().map(|(n, own)| own / n / (sum / rows)).collect();
-    let chance: f64 = weights.clone().zip(&ratios).map(|(weight, q)| weight * (q - 1.0).powi(2)).sum();
+    let chance: f64 = weights
+        .clone()
+        .zip(&ratios)
+        .map(|(weight, q)| weight * math::powi(q - 1.0, 2))
+        .sum();
     let count = filled.len() as f64;
     if count < 2.0 || chi_square_tail(chance, count - 1.0) > probability {
         return 1.0;
     }
-    let mean = ratios.iter().map(|q| q.ln()).sum::<f64>() / count;
-    let variance = ratios.iter().map(|q| (q.ln() - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    let mean = ratios.iter().map(|q| math::ln(*q)).sum::<f64>() / count;
+    let variance = ratios.iter().map(|q| math::powi(math::ln(*q) - mean, 2)).sum::<f64>() / (count - 1.0);
     let by_chance = weights.map(|weight| 1.0 / weight).sum::<f64>() / count;
-    (0.5 * ABOVE * (variance - by_chance).max(0.0).sqrt()).exp()
+    math::exp(0.5 * ABOVE * math::sqrt((variance - by_chance).max(0.0)))
 }
 
 /// The probability of autocorrelations as large as these. Larger values than `limit` count as `limit`.
@@ -208,7 +213,7 @@ fn kolmogorov(squares: impl Iterator<Item = f64>, m: usize, limit: f64) -> f64 {
     let n = shares.len() as f64;
     let distance = shares.iter().enumerate().map(|(k, share)| share - k as f64 / n).fold(0.0, f64::max);
     // Smirnov 1939: the limit for many values, which is above the probability for few.
-    (-2.0 * n * distance * distance).exp()
+    math::exp(-2.0 * n * distance * distance)
 }
 
 /// Thins the streams of sensors that are not white to one row in twice as many. Returns false if all are white, or if

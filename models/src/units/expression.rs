@@ -186,7 +186,7 @@ impl<'t> Parser<'t> {
             self.number()?
         };
         let halves = 2.0 * power;
-        if halves - math::trunc(halves) == 0.0 && halves.abs() <= f64::from(LARGEST) {
+        if math::fract(halves) == 0.0 && halves.abs() <= f64::from(LARGEST) {
             Ok(halves as i8)
         } else {
             self.fail("a power is a multiple of one half, at most 8")

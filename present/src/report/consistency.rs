@@ -12,6 +12,7 @@ use super::trace::Trace;
 use core::ops::RangeInclusive;
 use fusion_core::consistency::{chi_square_quantile, chi_square_tail};
 use fusion_core::filter::{Update, Verdict};
+use fusion_core::math;
 
 /// Bins of a histogram, a quarter of σ each, from −5 to 5; values beyond are in the outermost bins.
 const BINS: usize = 40;
@@ -120,7 +121,7 @@ impl Normalised {
         if !u.is_finite() {
             return;
         }
-        let bin = (u * PER_SIGMA).floor() + BINS as f64 / 2.0;
+        let bin = math::floor(u * PER_SIGMA) + BINS as f64 / 2.0;
         self.bins[bin.clamp(0.0, BINS as f64 - 1.0) as usize] += 1;
         self.products[0] += u * u;
         let at = self.count as usize % LAGS;

@@ -15,6 +15,7 @@ use fusion::run::{FaultWindow, Summary};
 use fusion::score::Score;
 use fusion_core::geometry::so3;
 use fusion_core::health::State;
+use fusion_core::math;
 use fusion_models::earth::LocalFrame;
 use fusion_tables::Unit;
 use nalgebra::Vector3;
@@ -492,7 +493,7 @@ fn difference(k: usize, own: f64, other: f64, shift: &Vector3<f64>) -> f64 {
     let d = own - other;
     match k {
         0..3 => d + shift[k],
-        6.. => d - 360.0 * (d / 360.0).round(),
+        6.. => d - 360.0 * math::round(d / 360.0),
         _ => d,
     }
 }

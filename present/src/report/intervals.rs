@@ -1,6 +1,7 @@
 //! From one measurement of a sensor to the next: the series, and how often each length comes.
 
 use super::trace::Trace;
+use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 
 /// Bins per factor of ten: neighbours are a tenth apart.
@@ -96,12 +97,12 @@ impl Intervals {
 /// The bin of an interval; an interval shorter than the first bin belongs to the first bin.
 fn bin(interval: f64) -> usize {
     // Adds a thousandth of a bin: an interval on an edge, for example one second, belongs above it despite rounding.
-    ((interval / LEAST).log10() * PER_DECADE + 1e-3).max(0.0) as usize
+    (math::log10(interval / LEAST) * PER_DECADE + 1e-3).max(0.0) as usize
 }
 
 /// Where a bin begins \[s\].
 fn edge(bin: usize) -> f64 {
-    LEAST * 10_f64.powf(bin as f64 / PER_DECADE)
+    LEAST * math::powf(10_f64, bin as f64 / PER_DECADE)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! corners stay, and the place at any time in between is that on the line.
 //! Source: Douglas & Peucker (1973) for the order of the points, Meratnia & de By (EDBT 2004) for the distance.
 
+use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 
 /// A time \[s\], and north and east \[m\].
@@ -98,7 +99,7 @@ fn weights(points: &[Point]) -> Vec<f64> {
 fn aside((t0, a): &Point, (t, p): &Point, (t1, b): &Point) -> f64 {
     let share = if t1 > t0 { (t - t0) / (t1 - t0) } else { 0.0 };
     let off = |k: usize| p[k] - a[k] - share * (b[k] - a[k]);
-    off(0).hypot(off(1))
+    math::hypot(off(0), off(1))
 }
 
 #[cfg(test)]

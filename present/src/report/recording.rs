@@ -14,6 +14,7 @@ use fusion::solution::{Solution, sigmas};
 use fusion_core::filter::Update;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt};
 use fusion_core::state::Manifold;
@@ -140,7 +141,7 @@ impl<const N: usize> Unwrapped<N> {
 
     fn next(&mut self, angles: [f64; N]) -> [f64; N] {
         let last = self.last.unwrap_or([0.0; N]);
-        let near = std::array::from_fn(|i| angles[i] - 360.0 * ((angles[i] - last[i]) / 360.0).round());
+        let near = std::array::from_fn(|i| angles[i] - 360.0 * math::round((angles[i] - last[i]) / 360.0));
         self.last = Some(near);
         near
     }
@@ -357,7 +358,7 @@ impl Recording {
         }
         if let (None, Some(estimate), Some(truth)) = (self.attitude.turns, self.angles.last, self.true_angles.last) {
             let apart = Vector3::from(truth) - Vector3::from(estimate);
-            self.attitude.turns = Some(apart.map(|d| 360.0 * (d / 360.0).round()));
+            self.attitude.turns = Some(apart.map(|d| 360.0 * math::round(d / 360.0)));
         }
     }
 

@@ -6,6 +6,7 @@ use super::recording::{BUCKETS, POINTS};
 use super::trace::{Samples, Trace};
 use fusion_core::filter::{Update, Verdict};
 use fusion_core::gate::Mode;
+use fusion_core::math;
 use nalgebra::Vector3;
 
 /// The outcomes of a sensor's measurements.
@@ -117,7 +118,7 @@ impl SensorTrack {
         self.intervals.add(t);
         if let Some(ned) = ned {
             let over_ground = |k: usize| update.residual.get(k).copied().unwrap_or(0.0);
-            let apart = over_ground(0).hypot(over_ground(1));
+            let apart = math::hypot(over_ground(0), over_ground(1));
             let mut row = [f64::NAN; 2];
             row[usize::from(kind != Some(0))] = finite(apart);
             self.apart.push(t, &row);

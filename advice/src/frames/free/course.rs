@@ -3,6 +3,7 @@
 use fusion::observe::{Heard, RunEvent, RunObserver};
 use fusion_core::belief::Belief;
 use fusion_core::filter::Update;
+use fusion_core::math;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::state::Block;
 use fusion_core::time::Time;
@@ -118,7 +119,7 @@ impl Course {
         }
         let numbers = update.innovation_sigma.len() as f64;
         let squares = update.nis.min(MOST * numbers);
-        let spread: f64 = update.innovation_sigma.iter().map(|sigma| 2.0 * sigma.ln()).sum();
+        let spread: f64 = update.innovation_sigma.iter().map(|sigma| 2.0 * math::ln(*sigma)).sum();
         let part = &mut parts[at];
         part.measurements += 1.0;
         part.numbers += numbers;
@@ -142,7 +143,7 @@ impl Course {
     /// The declared noise of a sensor divided by the scatter of its innovations.
     pub(super) fn oversized(&self, sensor: &str) -> Option<f64> {
         let (numbers, scatter) = self.sum(sensor, |part| part.scatter);
-        (scatter > 0.0).then(|| (numbers / scatter).sqrt())
+        (scatter > 0.0).then(|| math::sqrt(numbers / scatter))
     }
 
     /// The number of components of a sensor, and the sum of `what` over its parts.
@@ -252,12 +253,12 @@ fn excess(path: &[(f64, f64)]) -> f64 {
     let at = |part: usize| path[part * (path.len() - 1) / STEPS];
     let step = |part: usize| {
         let ((from, before), (to, after)) = (at(part), at(part + 1));
-        let (before, taken) = (before.powi(2), before.powi(2) - after.powi(2));
-        (taken > TAKEN * before).then(|| (to - from).powi(2) / taken)
+        let (before, taken) = (math::powi(before, 2), math::powi(before, 2) - math::powi(after, 2));
+        (taken > TAKEN * before).then(|| math::powi(to - from, 2) / taken)
     };
     let squares: Vec<f64> = (1..STEPS).filter_map(step).collect();
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-    if squares.len() < FEWEST { 1.0 } else { mean.max(1.0).sqrt() }
+    if squares.len() < FEWEST { 1.0 } else { math::sqrt(mean.max(1.0)) }
 }
 
 /// A run to compare with the run of the declared design. It stops when it can no longer reach the limits.

@@ -2,6 +2,7 @@
 
 use fusion::config::{Diagnostics, Node};
 use fusion::design::{Design, Named, SensorDesign, parameters};
+use fusion_core::math;
 use fusion_models::units::{Axes, Duration, Vec3Of, dim};
 use serde_json::Value as Json;
 use std::f64::consts::PI;
@@ -227,7 +228,7 @@ fn rpy(declared: &str) -> Option<[f64; 3]> {
     let (document, _) = fusion::config::Document::parse("declared", &format!("angles = {declared}\n"));
     let angles: Vec3Of<dim::Angle> = document.root().get("angles")?.read(&mut Diagnostics::new())?;
     // Rounds the conversion between degrees and radians, to remove 1e-15.
-    Some(angles.si().map(|angle| (angle * 180.0 / PI * 1e9).round() / 1e9))
+    Some(angles.si().map(|angle| math::round(angle * 180.0 / PI * 1e9) / 1e9))
 }
 
 /// All fixed parameters of the kinds to try.
@@ -332,7 +333,7 @@ fn prior(node: &Node) -> [f64; 3] {
 /// The length of a declared arm \[m\].
 fn length(arm: Option<&Node>) -> f64 {
     let arm: Option<Vec3Of<dim::Length>> = arm.and_then(|n| n.read(&mut Diagnostics::new()));
-    arm.map_or(0.0, |arm| arm.si().iter().map(|l| l * l).sum::<f64>().sqrt())
+    arm.map_or(0.0, |arm| math::sqrt(arm.si().iter().map(|l| l * l).sum::<f64>()))
 }
 
 /// The first result of `read` within a schema.

@@ -7,6 +7,7 @@ use crate::frames::judge::{Comparison, Judged, sized};
 use crate::frames::mistake::{self, Remedy};
 use fusion::config::{Diagnostic, Diagnostics, Edit, Node};
 use fusion::design::{Design, Named, SensorDesign, parameters};
+use fusion_core::math;
 use fusion_models::units::Duration;
 use fusion_tables::short;
 
@@ -141,7 +142,11 @@ impl Tried<'_> {
 
 /// A value to two digits of its σ.
 fn rounded(value: f64, sigma: f64) -> String {
-    let digits = if sigma > 0.0 { 1 - sigma.log10().floor() as i32 } else { 2 };
+    let digits = if sigma > 0.0 {
+        1 - math::floor(math::log10(sigma)) as i32
+    } else {
+        2
+    };
     let text = format!("{value:.*}", digits.clamp(0, 9) as usize);
     // A value that rounds to zero has no sign.
     let is_zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));

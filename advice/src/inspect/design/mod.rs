@@ -16,6 +16,7 @@ use self::draft::Draft;
 use super::signal::Kind::{AngularRate, Euler, Geodetic, Local, SpecificForce, Speed, YawRate};
 use super::{Clock, Form, Inspection, Kind, Log, Track};
 use fusion::config::Diagnostic;
+use fusion_core::math;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -259,7 +260,7 @@ impl Inspection {
         draft.part("reference");
         draft.set("source", source);
         let is_withheld = source == "withheld";
-        let millimetres = |scatter: f64| format!("{:.3}", (scatter * 1e3).ceil() * 1e-3);
+        let millimetres = |scatter: f64| format!("{:.3}", math::ceil(scatter * 1e3) * 1e-3);
         let why = if self.judges_with_reported(k) {
             draft.set("sigma.position.from_source", true);
             "as the file reports it"
@@ -289,7 +290,7 @@ impl Inspection {
 fn track_stride(log: &Log, track: &Track) -> usize {
     // Rows that repeat the previous fix count as rows of the file, too.
     let rows = log.rate() / track.rate();
-    (rows * track.rate()).round().max(2.0) as usize
+    math::round(rows * track.rate()).max(2.0) as usize
 }
 
 /// Whether positions are local, not geodetic: from a room, a basin or USBL.

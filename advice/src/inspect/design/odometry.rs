@@ -5,6 +5,7 @@ use crate::inspect::Inspection;
 use crate::inspect::numbers::{Vec3, moments};
 use crate::inspect::page::axis;
 use crate::inspect::signal::Kind::{AngularRate, Speed, YawRate};
+use fusion_core::math;
 
 impl Inspection {
     pub(super) fn odometry(&self, draft: &mut Draft) {
@@ -75,9 +76,9 @@ fn acceleration(t: &[f64], speed: &[Vec3]) -> Option<f64> {
             continue;
         }
         // The variance of a random walk is the density squared times the time.
-        changes.push((speed[to][0] - speed[from][0]) / lasts.abs().sqrt());
+        changes.push((speed[to][0] - speed[from][0]) / math::sqrt(lasts.abs()));
         from = to;
     }
     let (mean, std) = moments(changes);
-    Some(mean.hypot(std)).filter(|density| density.is_finite())
+    Some(math::hypot(mean, std)).filter(|density| density.is_finite())
 }

@@ -4,6 +4,7 @@ use super::draft::{Draft, list};
 use super::sensors::past_quarter;
 use crate::inspect::signal::Kind::{BodyVelocity, Depth, Euler};
 use crate::inspect::{Inspection, Yaw};
+use fusion_core::math;
 use toml_edit::Value;
 
 /// How a vehicle with a velocity log changes its velocity \[m/s/√s\].
@@ -42,7 +43,7 @@ impl Inspection {
             self.without_log(draft, speed, lasting, told.is_some());
             // White noise √(2/T) σ keeps a velocity with the 1σ σ and the correlation time T: here the velocity and the
             // drift.
-            (2.0 / lasting).sqrt() * (0.5 * speed).hypot(core::f64::consts::SQRT_2 * 0.3 * speed)
+            math::sqrt(2.0 / lasting) * math::hypot(0.5 * speed, core::f64::consts::SQRT_2 * 0.3 * speed)
         };
         self.heading_offset(draft);
         // The same limit as the gaps of the page.

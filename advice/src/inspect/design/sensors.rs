@@ -10,6 +10,7 @@ use crate::inspect::signal::Kind::{
 use crate::inspect::track::Claim;
 use crate::inspect::words::{Words, contains};
 use crate::inspect::{Inspection, Log, Track};
+use fusion_core::math;
 use toml_edit::Value;
 
 /// Positions with smaller differences between fixes are of centimetre grade \[m\].
@@ -72,7 +73,7 @@ impl Inspection {
     /// The total 1σ of a position \[m\].
     pub(super) fn whole(&self, log: &Log, track: &Track) -> f64 {
         let (white, _) = self.white(log, track);
-        if self.is_slow(log, track) { white.hypot(1.5) } else { white }
+        if self.is_slow(log, track) { math::hypot(white, 1.5) } else { white }
     }
 
     /// The 1σ of the first fix: `times` the 1σ of a fix. A slow error that is a state has its own 1σ.
@@ -260,7 +261,7 @@ impl Inspection {
         let kinds: Vec<Kind> = [Some(place(log)), Some(Velocity), of_position, own].into_iter().flatten().collect();
         self.source(draft, "gnss", *k, &kinds, thinned(track_stride(log, track)));
         if let Some(velocity) = self.velocity {
-            let every = self.logs[velocity].rate().round().max(1.0) as usize;
+            let every = math::round(self.logs[velocity].rate()).max(1.0) as usize;
             let of_velocity = track.claims[1].map(|_| VelocitySigma);
             let kinds: Vec<Kind> = [Some(Velocity), of_velocity].into_iter().flatten().collect();
             self.source(draft, self.velocity_source(), velocity, &kinds, thinned(every));
@@ -284,12 +285,12 @@ impl Inspection {
         let pressures: Vec<f64> = values.iter().map(|v| v[0]).collect();
         // The reading of a barometer at the first position, reduced to height zero of the standard atmosphere (ISO
         // 2533).
-        let at_sea = median(pressures.iter().take(10).copied()) / (1.0 - 6.5e-3 * origin[2] / 288.15).powf(5.255_88);
+        let at_sea = median(pressures.iter().take(10).copied()) / math::powf(1.0 - 6.5e-3 * origin[2] / 288.15, 5.255_88);
         let changed: Vec<f64> = pressures.windows(2).filter(|w| w[0] != w[1]).map(|w| w[1]).collect();
         // The middle of three in a row with white errors, as for positions; a normal number is below 0.674 σ half of
         // the time.
         let off = changed.windows(3).map(|p| (p[1] - 0.5 * (p[0] + p[2])).abs());
-        let scatter = median(off) / 0.674 / 1.5_f64.sqrt();
+        let scatter = median(off) / 0.674 / math::sqrt(1.5_f64);
         // Against the heights of the track: wind and speed also change the pressure, but not from row to row.
         let moved = against_heights(log.stamps(), &pressures, track);
         let sigma = if scatter.is_finite() { scatter.max(moved).max(3.0) } else { 10.0 };
@@ -407,7 +408,7 @@ fn from_source(draft: &mut Draft, claim: Claim, sigma: &[f64], scatter: f64, uni
     let careful = sigma[0] / across;
     let scale = if claim.times > 1.0 { claim.times } else { careful.min(1.0) };
     let rest = sigma.iter().zip([across, across, claim.median[2]]);
-    let rest = rest.map(|(sigma, reported)| (sigma.powi(2) - (scale * reported).powi(2)).max(0.0).sqrt().max(least));
+    let rest = rest.map(|(sigma, reported)| math::sqrt((math::powi(*sigma, 2) - math::powi(scale * reported, 2)).max(0.0)).max(least));
     draft.set("noise.from_source", true);
     draft.set("noise.scale", number(&format!("{scale:.2}")));
     draft.set("noise.sigma", list(rest.map(|rest| format!("{rest:.3} {unit}"))));
@@ -435,8 +436,8 @@ fn against_heights(t: &[f64], pressures: &[f64], track: &Track) -> f64 {
         }
         let (at, before) = (t[to], t[from.checked_sub(1)?]);
         let climbed = height(at)? - height(before)?;
-        let expected = pressures[from - 1] * (-climbed / SCALE).exp();
-        (at - before < 1.5 * AFTER).then(|| (pressures[to] - expected).abs() / 2.0_f64.sqrt())
+        let expected = pressures[from - 1] * math::exp(-climbed / SCALE);
+        (at - before < 1.5 * AFTER).then(|| (pressures[to] - expected).abs() / math::sqrt(2.0_f64))
     });
     // A normal number is below 0.674 σ half of the time.
     let scatter = median(off.collect::<Vec<_>>()) / 0.674;
@@ -470,7 +471,7 @@ fn sees_ground(log: &Log) -> bool {
 
 /// The part of an angle \[deg\] beyond whole quarter turns.
 pub(super) fn past_quarter(angle: f64) -> f64 {
-    angle - 90.0 * (angle / 90.0).round()
+    angle - 90.0 * math::round(angle / 90.0)
 }
 
 /// The kind of position in a log.

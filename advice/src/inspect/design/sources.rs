@@ -8,6 +8,7 @@ use crate::inspect::signal::{Kind, Signal};
 use crate::inspect::words::{Words, contains};
 use crate::inspect::{Clock, Form, Inspection, Origin};
 use fusion::source::table::utc_text;
+use fusion_core::math;
 use toml_edit::{InlineTable, Value};
 
 /// Above this share, repeated rows are not separate measurements.
@@ -103,7 +104,7 @@ impl Inspection {
 
     /// The second that stamps are counted from, if they would be large otherwise.
     pub(super) fn epoch(&self) -> Option<f64> {
-        Some(self.begin().floor()).filter(|begin| *begin > 1e6)
+        Some(math::floor(self.begin())).filter(|begin| *begin > 1e6)
     }
 
     /// The scale of the unit's clock, if it drifts against the clock of the positions.
@@ -278,7 +279,7 @@ impl Inspection {
     /// The `offset` of a recorded heading, rounded to quarter turns: the rest is the mounting of the instrument.
     fn quarter(&self) -> Option<String> {
         let yaw = self.yaw.filter(|yaw| yaw.is_decided())?;
-        let quarter = 90.0 * (yaw.offset.to_degrees() / 90.0).round();
+        let quarter = 90.0 * math::round(yaw.offset.to_degrees() / 90.0);
         (quarter != 0.0).then(|| format!("{quarter} deg"))
     }
 
@@ -316,7 +317,7 @@ impl Inspection {
     pub(super) fn quarters(&self) -> i32 {
         let forward = self.pair.and_then(|p| p.ahead());
         let angle = forward.map_or(0.0, |(angle, _)| angle);
-        ((angle / core::f64::consts::FRAC_PI_2).round() as i32).rem_euclid(4)
+        (math::round(angle / core::f64::consts::FRAC_PI_2) as i32).rem_euclid(4)
     }
 }
 
@@ -515,7 +516,7 @@ fn validity(log: &Log, position: &Signal) -> Option<Condition> {
         let is_flag = values().all(|v| v == 0.0 || v == 1.0) && values().any(|v| v == 1.0);
         let usual = if is_flag { 1.0 } else { log.typical(k) };
         let others = log.table.columns[k].values.iter().filter(|v| **v != usual).count();
-        if others > 0 && usual.fract() == 0.0 {
+        if others > 0 && math::fract(usual) == 0.0 {
             let why = if is_flag {
                 format!("guessed: of 0 and 1, 0 means no fix; {others} rows have it")
             } else {

@@ -6,6 +6,7 @@ use crate::inspect::numbers::norm;
 use crate::inspect::page::{degrees, vector};
 use crate::inspect::signal::Kind::{AngularRate, BodyVelocity, SpecificForce, Speed};
 use crate::inspect::{Imu, Inspection, Rest, Stances, Track};
+use fusion_core::math;
 
 /// The factor from densities at rest to densities under vibration.
 const SHAKEN: f64 = 3.0;
@@ -93,7 +94,7 @@ impl Inspection {
                     .to_owned()
             },
             |(angle, c)| {
-                let rest = angle.to_degrees() - 90.0 * (angle.to_degrees() / 90.0).round();
+                let rest = angle.to_degrees() - 90.0 * math::round(angle.to_degrees() / 90.0);
                 format!("guessed: ahead by forces and accelerations of the track (correlation {c:.2}), to a quarter turn; {rest:.1} deg are left")
             },
         )

@@ -4,6 +4,7 @@ use super::draft::{Draft, number};
 use crate::inspect::numbers::{Vec3, median};
 use crate::inspect::signal::{Kind, Signal};
 use crate::inspect::{Inspection, Log};
+use fusion_core::math;
 
 /// The speeds of both sides.
 pub(super) struct Sides {
@@ -32,7 +33,7 @@ impl Inspection {
         let (t, slowest) = (log.stamps(), 0.5 * track.top_speed());
         let radii = track.t.iter().zip(&track.velocity).filter_map(|(at, v)| {
             let row = t.partition_point(|t| t <= at).checked_sub(1)?;
-            let (speed, rate) = (v[0].hypot(v[1]), 0.5 * (rates[row][0] + rates[row][1]).abs());
+            let (speed, rate) = (math::hypot(v[0], v[1]), 0.5 * (rates[row][0] + rates[row][1]).abs());
             (speed > slowest && rate > 0.0).then_some(speed / rate)
         });
         Some(median(radii)).filter(|radius| radius.is_finite() && t.is_sorted())

@@ -1,6 +1,7 @@
 //! Counts of verdicts, and intervals of their shares.
 
 use super::Judged;
+use fusion_core::math;
 
 /// A count, and the number of cases.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,7 +32,7 @@ pub fn wilson(count: usize, of: usize) -> Option<(f64, f64)> {
     const Z: f64 = 1.959_964;
     let n = of as f64;
     let (p, z2) = (count as f64 / n, Z * Z);
-    let half = Z * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
+    let half = Z * math::sqrt(p * (1.0 - p) / n + z2 / (4.0 * n * n));
     let at = |sign: f64| ((p + z2 / (2.0 * n) + sign * half) / (1.0 + z2 / n)).clamp(0.0, 1.0);
     (of > 0).then(|| (at(-1.0), at(1.0)))
 }

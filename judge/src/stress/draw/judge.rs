@@ -16,6 +16,7 @@ use super::super::survey::Survey;
 use super::super::watch::{Change, Record, Sample, WRONG};
 use super::Draw;
 use fusion_core::health::State;
+use fusion_core::math;
 use fusion_core::time::Time;
 
 /// An error is large beyond this multiple of the undisturbed root mean square.
@@ -93,7 +94,7 @@ impl<'a> Baseline<'a> {
                 (known && size.is_finite()).then_some(size)
             });
             let (sum, count) = squares.fold((0.0, 0.0), |(sum, n), size| (sum + size, n + 1.0));
-            (count > 0.0).then(|| (group, (sum / count).sqrt().max(f64::MIN_POSITIVE)))
+            (count > 0.0).then(|| (group, math::sqrt(sum / count).max(f64::MIN_POSITIVE)))
         };
         let groups: Vec<(usize, f64)> = if limits.of.is_empty() {
             (0..3).find_map(rms).into_iter().collect()
@@ -167,7 +168,7 @@ impl<'a> Baseline<'a> {
             sums = (sums.0 + ratio * ratio, sums.1 + times * times);
         }
         let n = last.len() as f64;
-        (n > 0.0).then(|| ((sums.0 / n).sqrt(), (sums.1 / n).sqrt()))
+        (n > 0.0).then(|| (math::sqrt(sums.0 / n), math::sqrt(sums.1 / n)))
     }
 
     /// How long the health is degraded or lost from `since` to the end, and that of the undisturbed run is not \[s\].

@@ -7,6 +7,7 @@ use super::Case;
 use fusion::assembly::Assembly;
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::design::Design;
+use fusion_core::math;
 use fusion_core::time::{Time, nanos};
 use fusion_models::block::{Channel, Shape};
 use fusion_models::fault::derive_seed;
@@ -112,7 +113,7 @@ impl Draws {
 
     /// A decade is as likely as another.
     fn size(self, what: &str, [from, to]: [f64; 2]) -> f64 {
-        from * (to / from).powf(self.share(what))
+        from * math::powf(to / from, self.share(what))
     }
 
     fn index(self, what: &str, count: usize) -> usize {
@@ -307,7 +308,7 @@ impl Choice {
 
     fn of_channel(&self, draws: Draws, lasts: f64, channel: &Channel, scale: &[f64]) -> (String, String) {
         let multiple = draws.size("size", self.size);
-        let length = |by: &[f64]| by.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let length = |by: &[f64]| math::sqrt(by.iter().map(|x| x * x).sum::<f64>());
         let sized = |multiple: f64| sized(scale, multiple, derive_seed(draws.0, &["direction"]));
         match self.kind {
             Kind::Scale => {
