@@ -401,7 +401,7 @@ fn is_counter(table: &Table, column: usize) -> bool {
 
 /// Why a table has no clock, in a sentence about its file, and what to do.
 pub(super) fn why_none(table: &Table) -> String {
-    let name = table.path.file_name().unwrap_or_default().to_string_lossy();
+    let name = table.name();
     let is_text = |c: &&Column| {
         !c.first.trim().is_empty()
             && c.calendar.is_none()

@@ -132,10 +132,10 @@ impl Log {
         }
     }
 
-    /// The name of its file.
+    /// The name of its file, with the topic if the file has several streams.
     #[must_use]
     pub fn name(&self) -> String {
-        self.table.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+        self.table.name()
     }
 
     /// A note about several instruments in the file.

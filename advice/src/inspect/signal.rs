@@ -558,10 +558,11 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// Whether the file has one of these words in its name.
+    /// Whether the topic, or else the file, has one of these words in its name.
     fn is_file_called(&self, words: &[&str]) -> bool {
-        let stem = self.table.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        is_called(&Words::of(&stem).stem, words)
+        let stem = || self.table.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = self.table.topic.as_ref().map_or_else(stem, |topic| topic.name.clone());
+        is_called(&Words::of(&name).stem, words)
     }
 
     fn one(&self, names: &[&str]) -> Option<usize> {

@@ -94,6 +94,59 @@ fn a_run_over_json_lines_ends_as_one_over_text_and_inspect_knows_the_format() {
     folder.fusion(&["check", "first.toml"]);
 }
 
+/// The rows of two files as messages of two topics in one file, in the order of their stamps.
+fn as_topics(log: &Path, topics: [(&str, &str, &str); 2]) {
+    let mut all = Vec::new();
+    for (file, topic, message_type) in topics {
+        let text = fs::read_to_string(log.join(file)).unwrap();
+        for message in text.lines() {
+            let stamp: serde_json::Value = serde_json::from_str(message).unwrap();
+            let line = format!("{{\"topic\": {topic:?}, \"type\": {message_type:?}, \"message\": {message}}}\n");
+            all.push((stamp["t"].as_f64().unwrap(), line));
+        }
+    }
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let lines: String = all.into_iter().map(|(_, line)| line).collect();
+    fs::write(log.join("drive.jsonl"), lines).unwrap();
+}
+
+#[test]
+fn a_file_with_several_streams_is_read_by_topic_and_inspect_knows_the_types() {
+    let folder = Folder::new("topics");
+    let design = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/ins-gps.toml");
+    folder.fusion(&["record", design, "--out", "log"]);
+    let log = folder.0.join("log");
+    let topics = [("imu", "/imu/data", "sensor_msgs/Imu"), ("gnss", "/gnss/fix", "own_msgs/Fix")];
+    topics
+        .iter()
+        .for_each(|(name, ..)| as_json_lines(&log.join(name).with_extension("csv")));
+    as_topics(
+        &log,
+        topics.map(|(name, topic, of)| (if name == "imu" { "imu.jsonl" } else { "gnss.jsonl" }, topic, of)),
+    );
+    let mut own = fs::read_to_string(log.join("design.toml")).unwrap();
+    for (name, topic, _) in topics {
+        let (table, path) = (format!("[source.{name}]\ntype = \"csv\""), format!("\"{name}.csv\""));
+        assert!(own.contains(&table) && own.contains(&path), "{own}");
+        own = own.replace(&table, &format!("[source.{name}]\ntype = \"json_lines\"\ntopic = {topic:?}"));
+        own = own.replace(&path, "\"drive.jsonl\"");
+    }
+    fs::write(log.join("own.toml"), own).unwrap();
+    folder.fusion(&["run", "log/design.toml", "--out", "csv"]);
+    folder.fusion(&["run", "log/own.toml", "--out", "own"]);
+    for file in ["estimates.csv", "updates.csv"] {
+        let [one, other] = ["csv", "own"].map(|out| fs::read(folder.0.join(out).join(file)).unwrap());
+        assert!(one.len() > 10_000 && one == other, "{file}");
+    }
+    folder.fusion(&["inspect", "log/drive.jsonl", "--write", "first.toml"]);
+    let first = fs::read_to_string(folder.0.join("first.toml")).unwrap();
+    for (_, topic, message_type) in topics {
+        let line = first.lines().find(|line| line.starts_with(&format!("topic = {topic:?}")));
+        assert!(line.is_some_and(|line| line.contains(message_type)), "{first}");
+    }
+    folder.fusion(&["check", "first.toml"]);
+}
+
 #[test]
 fn a_line_that_is_no_object_is_told_with_its_place() {
     let folder = Folder::new("broken");

@@ -125,6 +125,16 @@ impl Column {
 }
 
 impl Table {
+    /// The name of its file, with the topic if the file has several streams.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let file = self.path.file_name().unwrap_or_default().to_string_lossy();
+        match &self.topic {
+            Some(topic) => format!("{file} {}", topic.name),
+            None => file.into_owned(),
+        }
+    }
+
     /// Reads a whole file with its [`LogFormat`].
     ///
     /// # Errors

@@ -27,6 +27,9 @@ impl Inspection {
         draft.set("type", log.table.format.name);
         let path = log.table.path.strip_prefix(self.common()).unwrap_or(&log.table.path);
         draft.set("path", path.display().to_string());
+        if let Some(topic) = &log.table.topic {
+            draft.guess("topic", topic.name.clone(), &format!("messages of type {}", topic.message_type));
+        }
         text_of(draft, log);
         self.time(draft, name, log, clock);
         let signals: Vec<&Signal> = kinds.iter().filter_map(|kind| log.signal(*kind)).collect();
