@@ -102,7 +102,7 @@ fn as_topics(log: &Path, topics: [(&str, &str, &str); 2]) {
         for message in text.lines() {
             let stamp: serde_json::Value = serde_json::from_str(message).unwrap();
             let line = format!("{{\"topic\": {topic:?}, \"type\": {message_type:?}, \"message\": {message}}}\n");
-            all.push((stamp["t"].as_f64().unwrap(), line));
+            all.push((stamp["time [s]"].as_f64().unwrap(), line));
         }
     }
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
