@@ -33,6 +33,8 @@ pub struct Heard {
 pub struct HeardSensor {
     /// Its name after the name of its filter: `stage.sensor`.
     pub name: String,
+    /// The number of the sensor in the design. The parts of a sensor, such as the beams of a DVL, have the same number.
+    pub design: usize,
     /// Dimension of each residual row.
     pub rows: Vec<Dimension>,
     /// Name of each residual row; empty if they have no names.
@@ -49,6 +51,7 @@ impl HeardSensor {
     fn new(name: String, reads: (StreamId, Vec<usize>), info: &SensorInfo) -> Self {
         Self {
             name,
+            design: info.design,
             rows: info.rows.clone(),
             axes: info.axes,
             residual: info.model.size().residual,

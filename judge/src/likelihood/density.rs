@@ -22,29 +22,16 @@ const WIDE: f64 = 5.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Density {
     Normal,
-    /// A mixture with outliers, and the scale c of S.
-    WithOutliers {
-        scale: f64,
-    },
+    /// A mixture with outliers.
+    WithOutliers,
 }
 
 impl Density {
-    /// The mixture for `m` rows.
-    pub(crate) fn with_outliers(m: usize) -> Self {
-        // Every run asks for the scales of the same few sizes, and each takes milliseconds.
-        static SCALES: [OnceLock<f64>; 8] = [const { OnceLock::new() }; 8];
-        let scale = match SCALES.get(m) {
-            Some(known) => *known.get_or_init(|| scale(m)),
-            None => scale(m),
-        };
-        Self::WithOutliers { scale }
-    }
-
     /// Its name for readers.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Normal => "normal",
-            Self::WithOutliers { .. } => "with outliers",
+            Self::WithOutliers => "with outliers",
         }
     }
 
@@ -68,7 +55,8 @@ impl Density {
     fn log_of(&self, m: usize, log_det: f64, square: f64) -> f64 {
         match *self {
             Self::Normal => normal(m, square) - 0.5 * log_det,
-            Self::WithOutliers { scale } => {
+            Self::WithOutliers => {
+                let scale = scale(m);
                 let (normal, tail) = parts(m, square / scale);
                 let most = normal.max(tail);
                 most + math::ln(math::exp(normal - most) + math::exp(tail - most)) - 0.5 * (log_det + m as f64 * math::ln(scale))
@@ -80,7 +68,8 @@ impl Density {
     pub(crate) fn slope(&self, m: usize, square: f64) -> f64 {
         match *self {
             Self::Normal => -0.5,
-            Self::WithOutliers { scale } => {
+            Self::WithOutliers => {
+                let scale = scale(m);
                 let (normal, tail) = parts(m, square / scale);
                 let share = 1.0 / (1.0 + math::exp(tail - normal));
                 let of_tail = (1.0 + m as f64) / (WIDE * WIDE + square / scale);
@@ -94,13 +83,22 @@ impl Density {
         match self {
             Self::Normal => 1.0,
             // The rows that may be outliers say hardly anything.
-            Self::WithOutliers { .. } => 1.0 - SHARE,
+            Self::WithOutliers => 1.0 - SHARE,
         }
     }
 }
 
 /// The factor c of S for `m` rows.
 fn scale(m: usize) -> f64 {
+    // Every row asks for the scales of the same few sizes, and each takes milliseconds.
+    static KNOWN: [OnceLock<f64>; 64] = [const { OnceLock::new() }; 64];
+    match KNOWN.get(m) {
+        Some(known) => *known.get_or_init(|| found_scale(m)),
+        None => found_scale(m),
+    }
+}
+
+fn found_scale(m: usize) -> f64 {
     // The slope of the mean of ln p over the scale is zero at c: the mean over equally probable values of χ²(m).
     const PARTS: usize = 2000;
     let dof = m as f64;
@@ -203,7 +201,7 @@ mod tests {
 
     #[test]
     fn the_mixture_is_one_over_the_line() {
-        let density = Density::with_outliers(1);
+        let density = Density::WithOutliers;
         let step = 1e-3;
         let sum: f64 = (-200_000..200_000)
             .map(|k| density.log(&[f64::from(k) * step], &[1.5]).exp() * step)
@@ -216,7 +214,7 @@ mod tests {
     #[test]
     fn the_mixture_finds_the_scale_of_normal_innovations_and_bears_outliers() {
         for m in [1, 2, 3] {
-            let density = Density::with_outliers(m);
+            let density = Density::WithOutliers;
             let values: Vec<f64> = (0..4000)
                 .map(|k| chi_square_quantile((f64::from(k) + 0.5) / 4000.0, m as f64).sqrt())
                 .collect();

@@ -81,7 +81,7 @@ impl RunObserver for Terms {
                 self.aligned = self.aligned.or(Some(health.since.seconds()));
             }
             Event::Updated { sensor, update, time, .. } if filter.is_outermost() => {
-                let own = &mut self.sensors[*sensor];
+                let own = &mut self.sensors[filter.sensors[*sensor].design];
                 own.heard += 1;
                 if let Some(log) = own.density.and_then(|density| density.of_update(update)) {
                     own.terms.push(Term {

@@ -24,14 +24,14 @@ pub use difference::{Difference, Terms, differences};
 use fusion::design::{Design, Named, SensorDesign};
 use fusion_models::block::Reading;
 
-/// The densities of the sensors of a design, in their order; `None` for a sensor that does not count.
+/// The densities of the sensors of a design, in their order in the design; `None` for a sensor that does not count.
 pub(crate) fn densities(design: &Design) -> Vec<Option<Density>> {
     let of = |sensor: &Named<SensorDesign>| {
-        let rows = sensor.block.model.noise().len();
-        is_real(design, sensor).then(|| match (&sensor.block.gate, &sensor.block.loss) {
+        let density = match (&sensor.block.gate, &sensor.block.loss) {
             (None, None) => Density::Normal,
-            _ => Density::with_outliers(rows),
-        })
+            _ => Density::WithOutliers,
+        };
+        is_real(design, sensor).then_some(density)
     };
     design.sensors.iter().map(of).collect()
 }

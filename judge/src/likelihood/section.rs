@@ -32,8 +32,8 @@ fusion_core::memory!(Likelihood { sensors, has_aligned });
 
 impl Likelihood {
     fn of(start: &RunStart<'_>) -> Option<Box<dyn SectionObserver>> {
-        let names = start.filters.outermost().into_iter().flat_map(|filter| &filter.sensors);
-        let sensors = super::densities(start.design).into_iter().zip(names).map(|(density, sensor)| Sum {
+        let sensors = super::densities(start.design).into_iter().zip(&start.design.sensors);
+        let sensors = sensors.map(|(density, sensor)| Sum {
             density,
             name: sensor.name.clone(),
             ..Sum::default()
@@ -64,7 +64,7 @@ impl RunObserver for Likelihood {
                 self.sensors.iter_mut().for_each(|sum| (sum.rows, sum.nats) = (0, 0.0));
             }
             Event::Updated { sensor, update, .. } => {
-                let sum = &mut self.sensors[*sensor];
+                let sum = &mut self.sensors[filter.sensors[*sensor].design];
                 if let Some(log) = sum.density.and_then(|density| density.of_update(update)) {
                     sum.rows += 1;
                     sum.nats += log;

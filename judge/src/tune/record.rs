@@ -94,11 +94,12 @@ impl RunObserver for Recorder {
         if !filter.is_outermost() {
             return Ok(());
         }
-        if self.rests[*sensor] {
+        let sensor = filter.sensors[*sensor].design;
+        if self.rests[sensor] {
             self.hear_rest(time.seconds());
         }
         let is_at_rest = self.is_at_rest(time.seconds());
-        let Some(Some(rows)) = self.sensors.get_mut(*sensor) else {
+        let Some(rows) = &mut self.sensors[sensor] else {
             return Ok(());
         };
         rows.heard += 1;
