@@ -21,16 +21,16 @@ use fusion_core::state::{Declaration, Dynamics, LayoutBuilder, Manifold, Param, 
 use serde::Deserialize;
 use serde::de::{Deserializer, Visitor};
 
-/// The name by which a [`Nested`] block identifies itself to the deserializer.
+/// The name by which a [`NestedBlock`] identifies itself to the deserializer.
 pub const NESTED: &str = "$fusion::block";
 
 /// A block inside another, `{ type = "…", … }`. It informs the reader of a design that `type` names a
 /// trait object. A field that holds a `Box<dyn …>` is read through it; for an array of blocks,
 /// use [`nested`].
 #[derive(Debug)]
-pub struct Nested<T: ?Sized>(pub Box<T>);
+pub struct NestedBlock<T: ?Sized>(pub Box<T>);
 
-impl<'de, T: ?Sized> Deserialize<'de> for Nested<T>
+impl<'de, T: ?Sized> Deserialize<'de> for NestedBlock<T>
 where
     Box<T>: Deserialize<'de>,
 {
@@ -40,12 +40,12 @@ where
         where
             Box<T>: Deserialize<'de>,
         {
-            type Value = Nested<T>;
+            type Value = NestedBlock<T>;
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str("a table with a `type`")
             }
             fn visit_newtype_struct<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
-                Box::<T>::deserialize(deserializer).map(Nested)
+                Box::<T>::deserialize(deserializer).map(NestedBlock)
             }
         }
         deserializer.deserialize_newtype_struct(NESTED, Block(PhantomData))
@@ -60,7 +60,7 @@ pub fn nested<'de, D: Deserializer<'de>, T: ?Sized>(deserializer: D) -> Result<V
 where
     Box<T>: Deserialize<'de>,
 {
-    let blocks = Vec::<Nested<T>>::deserialize(deserializer)?;
+    let blocks = Vec::<NestedBlock<T>>::deserialize(deserializer)?;
     Ok(blocks.into_iter().map(|block| block.0).collect())
 }
 

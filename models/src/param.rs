@@ -10,7 +10,7 @@
 //! ```
 
 use crate::error::BuildError;
-use crate::units::{Angle, Axes, Dimension, Dimensional, Kind, NonNegative, PerAxis, Positive, Quantity, Vec3Of, dim, range};
+use crate::units::{Angle, Axes, Dimension, Dimensional, NonNegative, PerAxis, Positive, Quantity, QuantityKind, Vec3Of, dim, range};
 use core::f64::consts::TAU;
 use core::fmt::{self, Debug};
 use core::marker::PhantomData;
@@ -32,7 +32,7 @@ pub trait ParamValue: Copy + Debug + DeserializeOwned + JsonSchema {
     /// How its 1σ is written.
     type Sigma: Copy + Debug + DeserializeOwned + JsonSchema;
     /// The dimension of a tangent coordinate.
-    const KIND: Kind;
+    const KIND: QuantityKind;
     /// The unit of a tangent coordinate.
     const SYMBOL: &'static str = Self::KIND.symbol;
     /// The value as models read it.
@@ -47,7 +47,7 @@ impl<D: Dimensional + Debug> ParamValue for Quantity<D> {
     type Manifold = Scalar;
     type Sigma = NonNegative<D>;
     const COUNT: usize = 1;
-    const KIND: Kind = D::KIND;
+    const KIND: QuantityKind = D::KIND;
     fn value(&self) -> f64 {
         self.si()
     }
@@ -63,7 +63,7 @@ impl<D: Dimensional + Debug> ParamValue for Vec3Of<D> {
     type Manifold = Vector<3>;
     type Sigma = Axes<D, range::NonNegative>;
     const COUNT: usize = 3;
-    const KIND: Kind = D::KIND;
+    const KIND: QuantityKind = D::KIND;
     fn value(&self) -> Vector3<f64> {
         Vector3::from(self.si())
     }
@@ -100,7 +100,7 @@ impl ParamValue for Rpy {
     type Manifold = Attitude;
     type Sigma = Axes<dim::Angle, range::NonNegative>;
     const COUNT: usize = 3;
-    const KIND: Kind = dim::Angle::KIND;
+    const KIND: QuantityKind = dim::Angle::KIND;
     fn value(&self) -> UnitQuaternion<f64> {
         self.rotation()
     }

@@ -6,7 +6,7 @@ use super::run::{RPY, converged};
 use super::sensors::{count_columns, counted, counts};
 use crate::Shown;
 use fusion::run::Summary;
-use fusion::score::{Axes, Consistency, Drift, Score, Verdict};
+use fusion::score::{Axes, Consistency, ConsistencyVerdict, Drift, Score};
 use fusion_core::math;
 use fusion_tables::short;
 use fusion_tables::{Cell, Column, Page, Section, Table};
@@ -206,7 +206,7 @@ fn inside(attitude: &Axes) -> Option<String> {
     let known = (0..3).filter(|k| attitude.inside[*k].is_finite());
     let k = known.min_by(|a, b| attitude.inside[*a].total_cmp(&attitude.inside[*b]))?;
     let share = attitude.inside[k];
-    let verdict = Verdict::of_share(share).filter(|v| *v != Verdict::Consistent);
+    let verdict = ConsistencyVerdict::of_share(share).filter(|v| *v != ConsistencyVerdict::Consistent);
     let verdict = verdict.map_or(String::new(), |v| format!(", {}", v.word()));
     Some(format!("inside 3σ {:.1} % ({}){verdict}", 100.0 * share, RPY[k]))
 }

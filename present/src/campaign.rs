@@ -7,7 +7,7 @@ use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
 use crate::Shown;
 use fusion::health::State;
 use fusion::observe::Innovations;
-use fusion::score::{Consistency, Drift, Verdict};
+use fusion::score::{Consistency, ConsistencyVerdict, Drift};
 use fusion_core::math;
 use fusion_judge::campaign::{Campaign, Duel, Independence, Pace, Pooled, RunRow};
 use fusion_tables::Unit;
@@ -240,7 +240,7 @@ impl Shown<'_, Campaign> {
         let all: u64 = self.rows.iter().map(|row| row.spikes).sum();
         let nees: Vec<Consistency> = (0..3).filter_map(|i| self.judge(|row| row.nees[i])).collect();
         // Where errors are as the filter says, they did no harm.
-        let is_harmful = nees.is_empty() || nees.iter().any(|c| c.verdict() == Some(Verdict::Overconfident));
+        let is_harmful = nees.is_empty() || nees.iter().any(|c| c.verdict() == Some(ConsistencyVerdict::Overconfident));
         (runs > 0 && is_harmful).then(|| {
             format!(
                 "in {runs} of {} runs samples of the process input were taken for spikes and not used, {} in a run on average: \
@@ -288,25 +288,29 @@ impl Shown<'_, Campaign> {
         let (what, judged): (_, Vec<_>) = if nees.is_empty() { ("NIS", nis.collect()) } else { ("NEES", nees) };
         let count = judged.iter().filter(|(_, c)| c.verdict().is_some()).count();
         let judged = judged.into_iter().map(|(of, c)| (of, c.among(count)));
-        let known: Vec<(&str, Consistency, Verdict)> = judged.filter_map(|(of, c)| Some((of, c, c.verdict()?))).collect();
-        let words = |(of, c, verdict): &(&str, Consistency, Verdict)| {
+        let known: Vec<(&str, Consistency, ConsistencyVerdict)> = judged.filter_map(|(of, c)| Some((of, c, c.verdict()?))).collect();
+        let words = |(of, c, verdict): &(&str, Consistency, ConsistencyVerdict)| {
             let [mean, low, high] = [c.mean, c.band.0, c.band.1].map(|v| significant(v / c.dof as f64));
-            let side = if *verdict == Verdict::Consistent { "in" } else { "outside" };
-            let told = if *verdict == Verdict::Consistent {
+            let side = if *verdict == ConsistencyVerdict::Consistent {
+                "in"
+            } else {
+                "outside"
+            };
+            let told = if *verdict == ConsistencyVerdict::Consistent {
                 String::new()
             } else {
                 format!(" ({}: errors are {} times its 1σ)", verdict.word(), significant(c.error_ratio()))
             };
             format!("{of} {mean} {side} {low} … {high}{told}")
         };
-        let is_consistent = |(.., verdict): &&(&str, Consistency, Verdict)| *verdict == Verdict::Consistent;
+        let is_consistent = |(.., verdict): &&(&str, Consistency, ConsistencyVerdict)| *verdict == ConsistencyVerdict::Consistent;
         let wrong: Vec<_> = known.iter().filter(|k| !is_consistent(k)).collect();
-        let is_all = |verdict: Verdict| wrong.iter().all(|k| k.2 == verdict);
+        let is_all = |verdict: ConsistencyVerdict| wrong.iter().all(|k| k.2 == verdict);
         let (head, told) = match (known.is_empty(), wrong.is_empty()) {
             (true, _) => return None,
             (_, true) => ("Consistent", known.iter().collect()),
-            _ if is_all(Verdict::Overconfident) => ("Overconfident", wrong),
-            _ if is_all(Verdict::Conservative) => ("Conservative", wrong),
+            _ if is_all(ConsistencyVerdict::Overconfident) => ("Overconfident", wrong),
+            _ if is_all(ConsistencyVerdict::Conservative) => ("Conservative", wrong),
             _ => ("Not consistent", wrong),
         };
         let told: Vec<String> = told.into_iter().map(words).collect();

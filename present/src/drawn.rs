@@ -1,7 +1,7 @@
 //! A design under drawn faults.
 
 use crate::Shown;
-use fusion_judge::stress::draw::{Count, Counts, Drawn, Row};
+use fusion_judge::stress::draw::{Count, Counts, Drawn, DrawnResult};
 use fusion_tables::Unit;
 use fusion_tables::{Cell, Column, Page, Section, Table};
 
@@ -36,7 +36,7 @@ impl Shown<'_, Drawn> {
         let by_kind = counted("kind", kinds.iter().map(|(kind, counts)| ((*kind).to_owned(), counts)));
         let numbers = self.by_number();
         let together = core::iter::once(("all".to_owned(), &all)).chain(numbers.iter().map(|(n, counts)| (format!("{n} at once"), counts)));
-        let mut worst: Vec<&Row> = self.rows.iter().filter(|row| badness(row) > (0, 0.0)).collect();
+        let mut worst: Vec<&DrawnResult> = self.rows.iter().filter(|row| badness(row) > (0, 0.0)).collect();
         worst.sort_by(|a, b| {
             let (a, b) = (badness(a), badness(b));
             b.0.cmp(&a.0).then(b.1.total_cmp(&a.1))
@@ -114,7 +114,7 @@ fn interval(count: Count) -> Cell {
 }
 
 /// The order of the list: false goods first, then errors that stay, then late and false alarms; by the size of the error.
-fn badness(row: &Row) -> (u8, f64) {
+fn badness(row: &DrawnResult) -> (u8, f64) {
     let judged = &row.judged;
     let rank =
         8 * u8::from(judged.false_good) + 4 * u8::from(!judged.recovered) + 2 * u8::from(judged.late_good) + u8::from(judged.false_alarm);
@@ -122,7 +122,7 @@ fn badness(row: &Row) -> (u8, f64) {
     (rank, if rank > 0 { size } else { 0.0 })
 }
 
-fn cases<'a>(rows: impl Iterator<Item = &'a Row>) -> Table {
+fn cases<'a>(rows: impl Iterator<Item = &'a DrawnResult>) -> Table {
     let mut t = Table::new([
         Column::number("case"),
         Column::text("fault"),
@@ -134,7 +134,7 @@ fn cases<'a>(rows: impl Iterator<Item = &'a Row>) -> Table {
         Column::with_unit("end", Unit::shown("RMS")),
         Column::text(""),
     ]);
-    for Row { number, case, judged, .. } in rows {
+    for DrawnResult { number, case, judged, .. } in rows {
         let decimal = |value: f64| if value < 1e5 { Cell::Fixed(value, 1) } else { Cell::Real(value) };
         let of = |size: Option<f64>| size.map_or(Cell::Empty, decimal);
         t.row([

@@ -9,7 +9,7 @@ use super::trajectory;
 use crate::Shown;
 use fusion::observe::{ConsumerCounts, SensorStatistics};
 use fusion::run::{Current, FinalState, InsideScore, Smoothed, Summary};
-use fusion::score::{Axes, Consistency, Convergence, Episodes, Score, Verdict};
+use fusion::score::{Axes, Consistency, ConsistencyVerdict, Convergence, Episodes, Score};
 use fusion::solution::rpy_of;
 use fusion_core::state::{Attitude, Kind, Manifold};
 use fusion_tables::Unit;
@@ -473,7 +473,7 @@ fn errors(score: &Score) -> Section {
                 .into_iter()
                 .chain([Cell::Seconds(a.max_time[k]), Cell::Real(a.three_sigma[k])]);
             // A share can show overconfidence only: 100 % is no sign that 3σ is right.
-            let verdict = Verdict::of_share(a.inside[k]).filter(|v| *v != Verdict::Consistent);
+            let verdict = ConsistencyVerdict::of_share(a.inside[k]).filter(|v| *v != ConsistencyVerdict::Consistent);
             let cells = [Cell::text(format!("{what} {name}"))].into_iter().chain(values);
             let judged = [Cell::Share(a.inside[k]), Cell::verdict(verdict)];
             t.row_in(Unit::shown(unit), cells.chain(judged));

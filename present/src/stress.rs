@@ -1,7 +1,7 @@
 //! A design under its catalogue of faults.
 
 use crate::Shown;
-use fusion_judge::stress::{Row, Stress, Verdict};
+use fusion_judge::stress::{CaseResult, CaseVerdict, Stress};
 use fusion_tables::Unit;
 use fusion_tables::{Cell, Column, Page, Section, Table};
 
@@ -31,7 +31,7 @@ impl Shown<'_, Stress> {
             }
         }
         let at = Cell::time(self.at).shown(&Unit::none());
-        let (pairs, singles): (Vec<&Row>, Vec<&Row>) = self.rows.iter().partition(|r| r.case.sets.len() > 1);
+        let (pairs, singles): (Vec<&CaseResult>, Vec<&CaseResult>) = self.rows.iter().partition(|r| r.case.sets.len() > 1);
         let alone = core::iter::once(&self.undisturbed).chain(singles.iter().copied());
         Page {
             provenance: self.provenance.clone(),
@@ -61,13 +61,13 @@ impl Shown<'_, Stress> {
         let is_known = self
             .rows
             .iter()
-            .any(|r| matches!(r.verdict(), Some(Verdict::Known | Verdict::Passed)));
+            .any(|r| matches!(r.verdict(), Some(CaseVerdict::Known | CaseVerdict::Passed)));
         let section = if is_known {
             section.note("known: it fails, as the design says. passes now: the design says that it fails.")
         } else {
             section
         };
-        let section = if self.rows.iter().any(|r| r.verdict() == Some(Verdict::NoClock)) {
+        let section = if self.rows.iter().any(|r| r.verdict() == Some(CaseVerdict::NoClock)) {
             section.note(
                 "no clock: no stream has a row any more, so the filter does not know that time goes on, and says nothing; whoever uses \
                  its estimate has to look at the age of it.",
@@ -82,7 +82,7 @@ impl Shown<'_, Stress> {
     }
 }
 
-fn outcomes<'a>(rows: impl Iterator<Item = &'a Row>) -> Table {
+fn outcomes<'a>(rows: impl Iterator<Item = &'a CaseResult>) -> Table {
     let mut t = Table::new([
         Column::text("fault"),
         Column::text("on"),
@@ -121,9 +121,9 @@ fn outcomes<'a>(rows: impl Iterator<Item = &'a Row>) -> Table {
 
 /// The verdict. For a failed filter it also has the time \[s\] for which the filter was wrong while its health was
 /// good, independent of its later health and errors.
-fn judged(verdict: Verdict, unsaid: f64) -> Cell {
+fn judged(verdict: CaseVerdict, unsaid: f64) -> Cell {
     let word = verdict.word();
-    if verdict == Verdict::Failed && unsaid > 0.0 {
+    if verdict == CaseVerdict::Failed && unsaid > 0.0 {
         Cell::text(format!("{word} {unsaid:.1} s"))
     } else {
         Cell::text(word)
@@ -136,9 +136,9 @@ fn decimal(value: f64) -> Cell {
 }
 
 /// How large the faults are that have a size.
-fn sizes(rows: &[&Row]) -> Table {
+fn sizes(rows: &[&CaseResult]) -> Table {
     let mut t = Table::new(["fault", "on", "size"].map(Column::text));
-    for Row { case, .. } in rows.iter().filter(|r| !r.case.size.is_empty()) {
+    for CaseResult { case, .. } in rows.iter().filter(|r| !r.case.size.is_empty()) {
         t.row([&case.fault, &case.on, &case.size].map(Cell::text));
     }
     t

@@ -1,7 +1,7 @@
 //! Lengths of the errors, and the errors of the trajectory as a whole.
 
 use fusion::score::trajectory::Statistics;
-use fusion::score::{Score, Spread, Trajectory};
+use fusion::score::{LengthSpread, Score, Trajectory};
 use fusion_core::math;
 use fusion_tables::Unit;
 use fusion_tables::{Cell, Column, Section, Table};
@@ -34,7 +34,7 @@ fn spreads(score: &Score) -> Table {
     let mut t = Table::new(columns("length of the error"));
     let horizontal = score.spread.horizontal.map(|_| score.horizontal_rms);
     let speed = score.velocity.map(|a| math::sqrt(a.rms.iter().map(|rms| rms * rms).sum::<f64>()));
-    let rows: [(&str, &str, Option<f64>, Option<Spread>); 5] = [
+    let rows: [(&str, &str, Option<f64>, Option<LengthSpread>); 5] = [
         ("position", "m", score.position_rmse_m, score.spread.position),
         ("position horizontal", "m", horizontal, score.spread.horizontal),
         ("velocity", "m/s", speed, score.spread.velocity),

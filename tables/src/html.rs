@@ -1,7 +1,7 @@
 //! Sections as HTML: the same names, units and digits as in a terminal, set as on paper.
 
 use super::tree::{Cell, Column, Section, Table};
-use fusion::score::Verdict;
+use fusion::score::ConsistencyVerdict;
 use maud::{Markup, html};
 
 /// `sections` below a heading of level 2.
@@ -48,7 +48,7 @@ fn table(table: &Table) -> Markup {
 const SENTENCE: usize = 40;
 
 fn class(column: &Column, cell: &Cell, shown: &str) -> Option<String> {
-    let is_bad = cell.judgement().is_some_and(|v| v != Verdict::Consistent);
+    let is_bad = cell.judgement().is_some_and(|v| v != ConsistencyVerdict::Consistent);
     let is_long = column.is_text && shown.chars().count() > SENTENCE;
     let all = [("text", column.is_text), ("long", is_long), ("bad", is_bad)];
     let names: Vec<&str> = all.into_iter().filter(|(_, is)| *is).map(|(name, _)| name).collect();
@@ -93,7 +93,7 @@ mod tests {
             Cell::text("a <b>-c"),
             Cell::Real(-0.5),
             Cell::Count(1_234_567),
-            Cell::Verdict(Verdict::Overconfident),
+            Cell::Verdict(ConsistencyVerdict::Overconfident),
         ];
         t.row_in(Unit::of_si("m"), cells);
         let page = sections(&[Section::new("S", [t]).note("n")]).into_string();

@@ -9,7 +9,7 @@
 //! A cell is `null` where there is nothing to say or no number, a share is a fraction of 1, a band
 //! is `[from, to]`, a mean with its verdict `{"mean": …, "verdict": …}`.
 
-use super::tree::{Cell, Column, Page, Row, Section, Table};
+use super::tree::{Cell, Column, Page, Section, Table, TableRow};
 use super::unit::Unit;
 use serde_json::{Value, json};
 
@@ -34,7 +34,7 @@ fn section(section: &Section) -> Value {
 }
 
 fn table(table: &Table) -> Value {
-    let row = |row: &Row| {
+    let row = |row: &TableRow| {
         let cells = table.columns().map(|(k, _)| cell(&row.cells[k], table.unit(row, k)));
         with_unit(json!({ "cells": cells.collect::<Vec<_>>() }), Some(&row.unit))
     };

@@ -14,5 +14,5 @@ mod tree;
 mod unit;
 
 pub use number::{NONE, fixed, short, significant};
-pub use tree::{Cell, Column, Page, Row, Section, Table};
+pub use tree::{Cell, Column, Page, Section, Table, TableRow};
 pub use unit::Unit;

@@ -3,7 +3,7 @@
 use super::number::{NONE, fixed, significant};
 use super::unit::Unit;
 use fusion::provenance::Provenance;
-use fusion::score::{Consistency, Verdict};
+use fusion::score::{Consistency, ConsistencyVerdict};
 use fusion_core::time::Time;
 
 /// A displayed result.
@@ -61,7 +61,7 @@ impl Section {
 #[derive(Clone, Debug)]
 pub struct Table {
     columns: Vec<Column>,
-    rows: Vec<Row>,
+    rows: Vec<TableRow>,
 }
 
 /// A column.
@@ -114,7 +114,7 @@ impl Column {
 
 /// A row.
 #[derive(Clone, Debug)]
-pub struct Row {
+pub struct TableRow {
     /// The unit of its real numbers, if its columns have no unit.
     pub unit: Unit,
     /// A cell per column.
@@ -143,7 +143,7 @@ pub enum Cell {
     /// The two limits of a band.
     Band(f64, f64),
     /// The comparison of errors with their covariance.
-    Verdict(Verdict),
+    Verdict(ConsistencyVerdict),
     /// A mean NEES or NIS over its degrees of freedom, with its verdict.
     Judged(Consistency),
 }
@@ -169,7 +169,7 @@ impl Cell {
 
     /// A verdict, or an empty cell.
     #[must_use]
-    pub fn verdict(verdict: Option<Verdict>) -> Self {
+    pub fn verdict(verdict: Option<ConsistencyVerdict>) -> Self {
         verdict.map_or(Self::Empty, Self::Verdict)
     }
 
@@ -181,7 +181,7 @@ impl Cell {
 
     /// The verdict in it, if there is one.
     #[must_use]
-    pub fn judgement(&self) -> Option<Verdict> {
+    pub fn judgement(&self) -> Option<ConsistencyVerdict> {
         match self {
             Self::Verdict(v) => Some(*v),
             Self::Judged(c) => c.verdict(),
@@ -261,7 +261,7 @@ impl Table {
     pub fn row_in(&mut self, unit: Unit, cells: impl IntoIterator<Item = impl Into<Cell>>) {
         let mut cells: Vec<Cell> = cells.into_iter().map(Into::into).collect();
         cells.resize(self.columns.len(), Cell::Empty);
-        self.rows.push(Row { unit, cells });
+        self.rows.push(TableRow { unit, cells });
     }
 
     /// The columns that are not empty, with their indices.
@@ -272,7 +272,7 @@ impl Table {
 
     /// The rows.
     #[must_use]
-    pub fn rows(&self) -> &[Row] {
+    pub fn rows(&self) -> &[TableRow] {
         &self.rows
     }
 
@@ -290,14 +290,14 @@ impl Table {
 
     /// The unit of the cells of `row` in column `column`.
     #[must_use]
-    pub fn unit<'a>(&'a self, row: &'a Row, column: usize) -> &'a Unit {
+    pub fn unit<'a>(&'a self, row: &'a TableRow, column: usize) -> &'a Unit {
         self.columns[column].unit.as_ref().unwrap_or(&row.unit)
     }
 
     /// The text of a cell. It includes the unit if the unit is shown nowhere else: for the name of a row, and for a
     /// value of a list.
     #[must_use]
-    pub fn shown(&self, row: &Row, column: usize) -> String {
+    pub fn shown(&self, row: &TableRow, column: usize) -> String {
         let text = row.cells[column].shown(self.unit(row, column));
         match (self.is_list(), column) {
             (true, 1) => format!("{text} {}", row.unit.symbol()).trim_end().to_owned(),

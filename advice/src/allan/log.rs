@@ -5,7 +5,7 @@ use core::ops::Range;
 use flate2::bufread::MultiGzDecoder;
 use fusion::config::{Diagnostic, Diagnostics, Node, Place};
 use fusion::rows::{DataError, SourceError, width};
-use fusion::source::table::{Table, gps_of_text};
+use fusion::source::table::{LogTable, gps_of_text};
 use fusion::source::{OpenContext, SourceSpec};
 use fusion_core::math;
 use fusion_models::registry::{self, Role};
@@ -249,7 +249,7 @@ fn longest_piece(all: &[f64], part: Part) -> Option<(Range<usize>, f64, usize)> 
 /// An unreadable file, no stamp column, a missing column, fewer than three samples.
 pub fn stamped(path: &Path, wanted: &[Columns], part: Part) -> Result<Vec<Log>, Diagnostics> {
     let name = path.display().to_string();
-    let table = Table::read(path).map_err(|error| {
+    let table = LogTable::read(path).map_err(|error| {
         let mut d = Diagnostics::new();
         d.extend(error.of_file());
         d

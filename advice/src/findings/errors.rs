@@ -6,7 +6,7 @@ use super::instrument::{Bias, Instrument, Measures, listed};
 use super::level::{is_more_than, level, sigmas};
 use super::{CHECK, FAR, Finding, LARGE, is_large, ratio};
 use fusion::config::Edit;
-use fusion::score::{Axes, Consistency, Drift, Offset, Score, Verdict};
+use fusion::score::{Axes, Consistency, ConsistencyVerdict, Drift, Offset, Score};
 use fusion_core::math;
 use fusion_tables::short;
 
@@ -83,17 +83,17 @@ impl Facts<'_> {
         let evidence = format!("{name} is {} of {}", short(c.mean), c.dof);
         let times = || format!("{ERRORS}{}{TIMES}", short(c.error_ratio()));
         let rule = match c.verdict()? {
-            Verdict::Overconfident => "nees-large",
+            ConsistencyVerdict::Overconfident => "nees-large",
             _ => "nees-small",
         };
         let advice = match c.verdict()? {
-            Verdict::Overconfident if ratio(c) > LARGE && !causes.is_empty() => {
+            ConsistencyVerdict::Overconfident if ratio(c) > LARGE && !causes.is_empty() => {
                 format!("{}{BEGIN}what is said of {}", times(), listed(causes))
             }
-            Verdict::Overconfident if ratio(c) > LARGE => times() + &self.cause(what, c),
+            ConsistencyVerdict::Overconfident if ratio(c) > LARGE => times() + &self.cause(what, c),
             // Other rows of a sensor do not show the slow error that makes the filter conservative.
-            Verdict::Conservative if self.run.is_judged_by_its_sensor => return None,
-            Verdict::Conservative if ratio(c) < TINY => format!(
+            ConsistencyVerdict::Conservative if self.run.is_judged_by_its_sensor => return None,
+            ConsistencyVerdict::Conservative if ratio(c) < TINY => format!(
                 "errors are only {} times the 1σ of the filter; the noises of its sensors or process are larger than need be",
                 short(c.error_ratio())
             ),
@@ -111,7 +111,7 @@ impl Facts<'_> {
     fn cause(&self, what: Measures, nees: &Consistency) -> String {
         let axis = worst_axis(self.run.score.and_then(|score| axes_of(score, what)));
         let told = self.measuring(what).filter(|(i, _)| axis.is_none_or(|k| i.axes[k]));
-        let followed = told.filter(|(_, nis)| nis.verdict() == Some(Verdict::Conservative));
+        let followed = told.filter(|(_, nis)| nis.verdict() == Some(ConsistencyVerdict::Conservative));
         let Some((sensor, nis)) = followed.min_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1))) else {
             let start = "the start was far off (`[reference] from` judges from later on)";
             let others = "a noise of the process is too small, an error of a sensor has no state";
@@ -172,7 +172,7 @@ impl Facts<'_> {
         let least = course.share - sigmas(1) * course.share_sigma;
         let is_share = least <= 1.0 && course.reference_deg < MOST_SLIP;
         let is_worse = is_share && least > MOST_OF_ERRORS;
-        let is_outside = Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
+        let is_outside = ConsistencyVerdict::of_share(axes.inside[2]) == Some(ConsistencyVerdict::Overconfident);
         (is_outside && is_worse).then(|| Finding {
             about: "heading".to_owned(),
             evidence: format!(
@@ -198,7 +198,7 @@ impl Facts<'_> {
     pub(super) fn attitude_outside(&self, causes: &[String], tells_heading: bool) -> Option<Finding> {
         let score = self.run.score?;
         let axes = score.attitude_deg.as_ref().filter(|_| score.nees_attitude.is_none())?;
-        let is_outside = |k: &usize| Verdict::of_share(axes.inside[*k]) == Some(Verdict::Overconfident);
+        let is_outside = |k: &usize| ConsistencyVerdict::of_share(axes.inside[*k]) == Some(ConsistencyVerdict::Overconfident);
         let outside: Vec<usize> = (0..3).filter(is_outside).collect();
         // The first finding shows the worst axis; do not report it twice.
         let worst = outside.iter().copied().min_by(|a, b| axes.inside[*a].total_cmp(&axes.inside[*b]))?;
@@ -285,7 +285,7 @@ impl Facts<'_> {
     pub(super) fn wrong_heading(&self) -> Option<Finding> {
         let score = self.run.score?;
         let (axes, rms) = (score.attitude_deg.as_ref()?, score.heading_rmse_deg?);
-        let is_told = rms > WRONG_HEADING && Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
+        let is_told = rms > WRONG_HEADING && ConsistencyVerdict::of_share(axes.inside[2]) == Some(ConsistencyVerdict::Overconfident);
         let median = score.spread.heading_deg.map_or(rms, |s| s.median);
         // Before its alignment the filter itself reports a wrong heading.
         let own = self.run.health;

@@ -39,7 +39,7 @@ mod tests;
 use self::facts::Facts;
 use fusion::design::Design;
 use fusion::run::{Finding, Ignored, Summary};
-use fusion::score::{Consistency, Verdict};
+use fusion::score::{Consistency, ConsistencyVerdict};
 
 fusion::inventory::submit! {
     fusion::run::Advisor {
@@ -65,7 +65,7 @@ pub fn findings(design: &Design, summary: &Summary, ignored: &Ignored) -> Vec<Fi
 
 /// Returns true if errors are larger than expected by enough to need a change.
 fn is_large(c: &Consistency) -> bool {
-    c.verdict() == Some(Verdict::Overconfident) && ratio(c) > LARGE
+    c.verdict() == Some(ConsistencyVerdict::Overconfident) && ratio(c) > LARGE
 }
 
 /// The mean over its expected value.

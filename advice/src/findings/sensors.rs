@@ -11,7 +11,7 @@ use fusion::config::Edit;
 use fusion::health::{Spell, State};
 use fusion::observe::{RejectionStreak, SensorStatistics};
 use fusion::run::FaultWindow;
-use fusion::score::{Consistency, Score, Verdict};
+use fusion::score::{Consistency, ConsistencyVerdict, Score};
 use fusion_core::math;
 use fusion_tables::{Unit, short};
 
@@ -684,5 +684,5 @@ fn as_white_noise(s: &SensorStatistics) -> Option<String> {
 
 /// Returns true if innovations are smaller than expected by enough to need a change.
 fn is_small(nis: &Consistency) -> bool {
-    nis.verdict() == Some(Verdict::Conservative) && ratio(nis) < SMALL
+    nis.verdict() == Some(ConsistencyVerdict::Conservative) && ratio(nis) < SMALL
 }

@@ -2,7 +2,7 @@
 
 use super::log::Log;
 use super::signal::{Kind, Signal, signals};
-use fusion::source::table::Table;
+use fusion::source::table::LogTable;
 
 /// An inertial unit of a file that has several.
 #[derive(Clone, Debug)]
@@ -15,7 +15,7 @@ pub struct Unit {
 
 impl Unit {
     /// The units of a table, except the unit with these quantities, by the names of their columns.
-    pub(super) fn beside(table: &mut Table, of: &[Signal], rate: f64) -> Vec<Self> {
+    pub(super) fn beside(table: &mut LogTable, of: &[Signal], rate: f64) -> Vec<Self> {
         /// No vehicle has more units.
         const MOST: usize = 8;
         let columns = |of: &[Signal], kind: Kind| {

@@ -4,7 +4,7 @@ use super::Day;
 use super::numbers::{median, quantile};
 use super::signal::factor;
 use super::words::{Words, contains};
-use fusion::source::table::{Column, Table, gps_of_unix};
+use fusion::source::table::{LogColumn, LogTable, gps_of_unix};
 use fusion_core::math;
 
 /// An interval longer than this number of usual ones is a gap.
@@ -100,7 +100,7 @@ pub struct Clock {
 
 impl Clock {
     /// The clock of a table; `None` if no column looks like time.
-    pub(super) fn of(table: &Table) -> Option<Self> {
+    pub(super) fn of(table: &LogTable) -> Option<Self> {
         let unnamed = || rising(table).filter(|k| !is_counter(table, *k));
         let clock =
             Self::named(table).or_else(|| unnamed().map(|column| Self::at(table, column, &Words::of(table.columns[column].called()))));
@@ -109,7 +109,7 @@ impl Clock {
     }
 
     /// The clock from a column that is called time.
-    pub(crate) fn named(table: &Table) -> Option<Self> {
+    pub(crate) fn named(table: &LogTable) -> Option<Self> {
         if let Some(column) = table.stamp {
             let words = stamp_words(table.columns[column].called());
             return calendar(table)
@@ -124,7 +124,7 @@ impl Clock {
         fine.or_else(others).or(dates)
     }
 
-    fn at(table: &Table, column: usize, words: &Words) -> Self {
+    fn at(table: &LogTable, column: usize, words: &Words) -> Self {
         let values = &table.columns[column].values;
         let step = median(values.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 0.0));
         let (unit, why) = unit(words, values, step);
@@ -141,7 +141,7 @@ impl Clock {
     }
 
     /// The columns that the clock reads.
-    pub(super) fn columns(&self, table: &Table) -> Vec<usize> {
+    pub(super) fn columns(&self, table: &LogTable) -> Vec<usize> {
         let date = table.columns[self.column].calendar.as_ref().and_then(|c| c.date);
         let second = match self.form {
             Form::Sum { second, .. } | Form::Recordings { second, .. } => Some(second),
@@ -196,7 +196,7 @@ impl Clock {
     }
 
     /// This clock, if it restarts each time that another column (the number of a recording) steps.
-    fn of_recordings(&self, table: &Table) -> Option<Self> {
+    fn of_recordings(&self, table: &LogTable) -> Option<Self> {
         /// The filter does not continue from one recording to the next: this is longer than any gap that it bridges
         /// \[s\].
         const APART: f64 = 10.0;
@@ -242,7 +242,7 @@ impl Clock {
 }
 
 /// Dates with the time of day.
-fn calendar(table: &Table) -> Option<Clock> {
+fn calendar(table: &LogTable) -> Option<Clock> {
     let column = table.stamp.filter(|k| table.columns[*k].calendar.is_some());
     let column = column.or_else(|| table.columns.iter().position(|c| c.calendar.is_some()))?;
     let scale = table.columns[column].calendar.as_ref()?.scale;
@@ -258,7 +258,7 @@ fn calendar(table: &Table) -> Option<Clock> {
 }
 
 /// Rows that a column counts; a comment gives their rate.
-fn counted(table: &Table) -> Option<Clock> {
+fn counted(table: &LogTable) -> Option<Clock> {
     let (comment, rate) = table.told.as_ref()?;
     let column = rising(table).filter(|k| is_counter(table, *k))?;
     let stamps = table.columns[column].values.iter().map(|v| v / rate);
@@ -272,7 +272,7 @@ fn counted(table: &Table) -> Option<Clock> {
 }
 
 /// Evenly spaced samples; a number in the file gives their rate.
-fn even(table: &Table) -> Option<Clock> {
+fn even(table: &LogTable) -> Option<Clock> {
     let (name, rate) = table.rate.as_ref()?;
     let stamps = table.columns.first()?.values.iter().map(|v| v * 1e-9);
     Some(Clock {
@@ -285,7 +285,7 @@ fn even(table: &Table) -> Option<Clock> {
 }
 
 /// The column whose last word is one of these, and the part of its name before that word.
-fn ending(table: &Table, words: &[&str], is_sound: impl Fn(f64) -> bool) -> Option<(usize, String)> {
+fn ending(table: &LogTable, words: &[&str], is_sound: impl Fn(f64) -> bool) -> Option<(usize, String)> {
     let name = |k: usize| table.columns[k].called().to_lowercase();
     let found = (0..table.columns.len()).find_map(|k| {
         let name = name(k);
@@ -298,7 +298,7 @@ fn ending(table: &Table, words: &[&str], is_sound: impl Fn(f64) -> bool) -> Opti
 }
 
 /// Stamps in two columns, their sum.
-fn sum(table: &Table, column: usize, unit: &'static str, second: usize, each: &'static str, size: f64) -> Clock {
+fn sum(table: &LogTable, column: usize, unit: &'static str, second: usize, each: &'static str, size: f64) -> Clock {
     let (a, b) = (&table.columns[column].values, &table.columns[second].values);
     Clock {
         column,
@@ -310,7 +310,7 @@ fn sum(table: &Table, column: usize, unit: &'static str, second: usize, each: &'
 }
 
 /// A GPS week and the time of week.
-fn week(table: &Table) -> Option<Clock> {
+fn week(table: &LogTable) -> Option<Clock> {
     let (second, _) = ending(table, &["week", "weeknumber", "wn", "gpsweek"], |v| {
         math::fract(v) == 0.0 && (1000.0..10_000.0).contains(&v)
     })?;
@@ -328,7 +328,7 @@ fn week(table: &Table) -> Option<Clock> {
 }
 
 /// Whole seconds, and their fraction in finer units.
-fn split(table: &Table) -> Option<Clock> {
+fn split(table: &LogTable) -> Option<Clock> {
     let whole = |limit: f64| move |v: f64| math::fract(v) == 0.0 && (0.0..limit).contains(&v);
     let nanos = ending(
         table,
@@ -365,7 +365,7 @@ pub(super) fn is_called_time(words: &Words) -> bool {
 
 /// The column that is called time. A `t` alone may be a temperature: any other such name outranks it, and it has to
 /// rise.
-fn named(table: &Table) -> Option<(usize, Words)> {
+fn named(table: &LogTable) -> Option<(usize, Words)> {
     let words = table.columns.iter().map(|c| stamp_words(c.called())).enumerate();
     let is_number = |k: &usize| {
         table.columns[*k].calendar.is_none() && table.columns[*k].values.iter().filter(|v| v.is_finite()).count() * 2 > table.rows()
@@ -378,14 +378,14 @@ fn named(table: &Table) -> Option<(usize, Words)> {
 }
 
 /// Whether a column goes back in less than a hundredth of the rows.
-fn is_in_order(table: &Table, column: usize) -> bool {
+fn is_in_order(table: &LogTable, column: usize) -> bool {
     let values = &table.columns[column].values;
     values.windows(2).filter(|w| w[1] < w[0]).count() * 100 < values.len()
 }
 
 /// Returns true if a column that is not called time rises by exactly one from row to row. It counts the rows, and gives
 /// no rate.
-fn is_counter(table: &Table, column: usize) -> bool {
+fn is_counter(table: &LogTable, column: usize) -> bool {
     let column = &table.columns[column];
     let by_one = column.values.windows(2).filter(|w| w[1] - w[0] == 1.0).count();
     let is_unit = |unit: &str| matches!(unit, "s" | "ms" | "us" | "ns");
@@ -400,9 +400,9 @@ fn is_counter(table: &Table, column: usize) -> bool {
 }
 
 /// Why a table has no clock, in a sentence about its file, and what to do.
-pub(super) fn why_none(table: &Table) -> String {
+pub(super) fn why_none(table: &LogTable) -> String {
     let name = table.name();
-    let is_text = |c: &&Column| {
+    let is_text = |c: &&LogColumn| {
         !c.first.trim().is_empty()
             && c.calendar.is_none()
             && c.values.iter().all(|v| v.is_nan())
@@ -442,8 +442,8 @@ pub(super) fn why_none(table: &Table) -> String {
 }
 
 /// Selects in each table the column of time that all other tables use, if this table has a column of that name, too.
-pub(super) fn agree(tables: &mut [Table]) {
-    let used = |table: &Table| {
+pub(super) fn agree(tables: &mut [LogTable]) {
+    let used = |table: &LogTable| {
         let clock = Clock::named(table)?;
         Some(table.columns[clock.column].called().to_lowercase())
     };
@@ -472,7 +472,7 @@ pub(super) fn agree(tables: &mut [Table]) {
 }
 
 /// The column that rises from row to row, except in a hundredth of the rows.
-fn rising(table: &Table) -> Option<usize> {
+fn rising(table: &LogTable) -> Option<usize> {
     let rises = |k: &usize| {
         let values = &table.columns[*k].values;
         let up = values.windows(2).filter(|w| w[1] > w[0]).count();
@@ -510,14 +510,14 @@ mod tests {
     use super::*;
 
     fn of(name: &str, values: Vec<f64>) -> Option<Clock> {
-        let column = Column {
+        let column = LogColumn {
             name: name.to_owned(),
             values,
-            ..Column::default()
+            ..LogColumn::default()
         };
-        Clock::of(&Table {
+        Clock::of(&LogTable {
             columns: vec![column],
-            ..Table::default()
+            ..LogTable::default()
         })
     }
 

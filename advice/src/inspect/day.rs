@@ -2,7 +2,7 @@
 
 use super::clock::{is_called_time, stamp_words};
 use super::{Clock, Form, Log, Origin};
-use fusion::source::table::{Calendar, Column, SOME_DAY, Table, gps_of_text, gps_of_unix, utc_text};
+use fusion::source::table::{Calendar, LogColumn, LogTable, SOME_DAY, gps_of_text, gps_of_unix, utc_text};
 use fusion_core::math;
 
 /// The day of times of day.
@@ -25,7 +25,7 @@ impl Default for Day {
 
 /// Reads a column of `hhmmss.ss`, the NMEA form of times of day, as times of day, if no column has dates. It continues
 /// after midnight.
-pub(super) fn read_times_of_day(table: &mut Table) {
+pub(super) fn read_times_of_day(table: &mut LogTable) {
     let Some(midnight) = gps_of_text(&format!("{SOME_DAY}T00:00:00Z")) else {
         return;
     };
@@ -52,7 +52,7 @@ pub(super) fn read_times_of_day(table: &mut Table) {
 
 /// Returns true if a column is called time and holds hours, minutes and seconds in one number. It has six digits and
 /// never 60 minutes or seconds. Now and then it moves to the next minute, which no count of seconds does.
-fn is_hhmmss(column: &Column) -> bool {
+fn is_hhmmss(column: &LogColumn) -> bool {
     /// Rarer samples cannot separate seconds from hundreds \[s\].
     const RARE: f64 = 30.0;
     let whole = column.first.split('.').next().unwrap_or_default();

@@ -7,14 +7,14 @@ use super::numbers::{Vec3, median};
 use super::signal::{Kind, Signal, is_derived, signals};
 use super::track::{Odometer, Track};
 use super::words::Words;
-use fusion::source::table::Table;
+use fusion::source::table::LogTable;
 use fusion_core::math;
 
 /// A file with the quantities found in it.
 #[derive(Clone, Debug)]
 pub struct Log {
     /// The rows.
-    pub table: Table,
+    pub table: LogTable,
     /// The stamps; `None` if no column looks like time.
     pub clock: Option<Clock>,
     /// The instruments in the file, if there are several; the rows are those of the first one.
@@ -37,7 +37,7 @@ pub struct Instances {
 impl Instances {
     /// Finds the instruments of a table in which time often does not increase from row to row, but does so for each
     /// instrument.
-    fn of(table: &Table, clock: &Clock) -> Option<Self> {
+    fn of(table: &LogTable, clock: &Clock) -> Option<Self> {
         /// Time does not increase in more rows than this share.
         const OFTEN: f64 = 0.1;
         /// A condition may fail in this share of the rows.
@@ -91,7 +91,7 @@ pub struct Repeats {
 impl Log {
     /// Looks at a table.
     #[must_use]
-    pub fn of(mut table: Table) -> Self {
+    pub fn of(mut table: LogTable) -> Self {
         read_times_of_day(&mut table);
         let mut clock = Clock::of(&table);
         let instances = clock.as_ref().and_then(|clock| Instances::of(&table, clock));

@@ -51,7 +51,7 @@ pub use yaw::Yaw;
 
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::source::LogFormat;
-use fusion::source::table::Table;
+use fusion::source::table::LogTable;
 use signal::Kind::{AngularRate, Euler, Geodetic, Heading, Local, MagneticField, Quaternion, SpecificForce, Velocity};
 use std::path::{Path, PathBuf};
 
@@ -132,7 +132,7 @@ impl Inspection {
     pub fn of(paths: &[PathBuf]) -> Result<Self, Diagnostics> {
         let (mut tables, mut d) = (Vec::new(), Diagnostics::new());
         for path in paths {
-            match Table::read_all(path) {
+            match LogTable::read_all(path) {
                 Ok(read) => tables.extend(read),
                 Err(error) => d.extend(error.of_file()),
             }

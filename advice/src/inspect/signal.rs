@@ -3,7 +3,7 @@
 use super::numbers::{Vec3, median, norm, quantile};
 use super::turn;
 use super::words::{QUATERNION, Words, contains, is_called, is_height, is_phrase};
-use fusion::source::table::{Column, Table};
+use fusion::source::table::{LogColumn, LogTable};
 use fusion_core::math;
 
 /// A quantity that a filter can use.
@@ -119,7 +119,7 @@ pub(super) const UNNAMED: &str = "no unit is named";
 impl Signal {
     /// The columns as a design names them.
     #[must_use]
-    pub fn names(&self, table: &Table) -> Vec<String> {
+    pub fn names(&self, table: &LogTable) -> Vec<String> {
         let name = |(k, is_against): &(usize, bool)| {
             let sign = if *is_against { "-" } else { "" };
             format!("{sign}{}", table.columns[*k].name)
@@ -133,7 +133,7 @@ impl Signal {
     }
 
     /// The value of a row, not yet in SI; missing axes are zero.
-    pub(super) fn raw(&self, table: &Table, row: usize) -> Vec3 {
+    pub(super) fn raw(&self, table: &LogTable, row: usize) -> Vec3 {
         [0, 1, 2].map(|axis| {
             self.columns.get(axis).map_or(0.0, |(k, is_against)| {
                 let v = table.columns[*k].values[row];
@@ -143,7 +143,7 @@ impl Signal {
     }
 
     /// All values in SI; increments stay increments.
-    pub(super) fn values(&self, table: &Table) -> Vec<Vec3> {
+    pub(super) fn values(&self, table: &LogTable) -> Vec<Vec3> {
         let of = |row: usize| {
             let raw = self.raw(table, row);
             let Some(unit) = self.course else {
@@ -245,7 +245,7 @@ const WORLD: [[Axis; 3]; 2] = [
 ];
 
 struct Finder<'a> {
-    table: &'a Table,
+    table: &'a LogTable,
     words: Vec<Words>,
     found: Vec<Signal>,
 }
@@ -272,13 +272,13 @@ fn sigma_of(stem: &str) -> Option<Kind> {
 
 /// The 1σ that columns with these names report, from the names alone.
 pub(crate) fn reported_by_name(names: &[String]) -> Vec<Reported> {
-    let columns = names.iter().map(|name| Column {
+    let columns = names.iter().map(|name| LogColumn {
         name: name.clone(),
-        ..Column::default()
+        ..LogColumn::default()
     });
-    let table = Table {
+    let table = LogTable {
         columns: columns.collect(),
-        ..Table::default()
+        ..LogTable::default()
     };
     let mut finder = Finder::of(&table);
     finder.vectors();
@@ -325,7 +325,7 @@ fn of_unit(unit: &str) -> String {
 }
 
 /// The quantities of a table with this row rate.
-pub(super) fn signals(table: &Table, rate: f64) -> Vec<Signal> {
+pub(super) fn signals(table: &LogTable, rate: f64) -> Vec<Signal> {
     let mut finder = Finder::of(table);
     if table.header {
         finder.vectors();
@@ -346,7 +346,7 @@ pub(super) fn signals(table: &Table, rate: f64) -> Vec<Signal> {
 }
 
 /// Every column has only one value: the quantity was not recorded.
-fn is_constant(table: &Table, signal: &Signal) -> bool {
+fn is_constant(table: &LogTable, signal: &Signal) -> bool {
     signal.columns.iter().all(|(k, _)| {
         let values = &table.columns[*k].values;
         values.iter().all(|v| !v.is_finite() || *v == values[0])
@@ -354,7 +354,7 @@ fn is_constant(table: &Table, signal: &Signal) -> bool {
 }
 
 /// Accelerations without gravity, or differences of a velocity: not the measurement of accelerometers.
-fn is_without_gravity(table: &Table, signal: &Signal) -> bool {
+fn is_without_gravity(table: &LogTable, signal: &Signal) -> bool {
     let is_whole = signal
         .columns
         .iter()
@@ -363,7 +363,7 @@ fn is_without_gravity(table: &Table, signal: &Signal) -> bool {
 }
 
 impl<'a> Finder<'a> {
-    fn of(table: &'a Table) -> Self {
+    fn of(table: &'a LogTable) -> Self {
         Self {
             table,
             words: table.columns.iter().map(|c| Words::of(c.called())).collect(),
@@ -759,7 +759,7 @@ impl<'a> Finder<'a> {
 }
 
 /// Finds the unit and factor of a signal, from its name or its values.
-fn settle(signal: &mut Signal, table: &Table, rate: f64) {
+fn settle(signal: &mut Signal, table: &LogTable, rate: f64) {
     if let Some((unit, why)) = unit_by_values(signal, table, rate) {
         signal.why = format!("{}; {unit}: {why}", signal.why);
         signal.unit = unit.to_owned();
@@ -772,7 +772,7 @@ fn settle(signal: &mut Signal, table: &Table, rate: f64) {
 
 /// Finds the unit of gyros without a named unit, from the turns of the magnetic field or of gravity. Hands turn a unit
 /// faster than 10 rad/s, and vehicles turn slower than 10 deg/s, so the size alone does not show it.
-fn settle_by_turns(found: &mut [Signal], table: &Table, rate: f64) {
+fn settle_by_turns(found: &mut [Signal], table: &LogTable, rate: f64) {
     /// In this time, hands turn a unit by only a small angle [s].
     const STEP: f64 = 0.1;
     // Accelerations do not turn the field.
@@ -802,7 +802,7 @@ fn settle_by_turns(found: &mut [Signal], table: &Table, rate: f64) {
 const FASTEST: f64 = 340.0;
 
 /// The median speed by positions with angles in rad, corrected for the rows that do not change \[m/s\].
-fn usual_speed(s: &Signal, table: &Table, rate: f64) -> f64 {
+fn usual_speed(s: &Signal, table: &LogTable, rate: f64) -> f64 {
     const RADIUS: f64 = 6.371e6;
     let place = |row: usize| s.raw(table, row);
     let is_fix = |p: &Vec3| p[..2] != [0.0, 0.0];
@@ -819,7 +819,7 @@ fn usual_speed(s: &Signal, table: &Table, rate: f64) -> f64 {
 
 /// Returns true if angles are degrees and minutes in one number, as NMEA writes them: larger than any degrees, with
 /// minutes below 60.
-fn is_ddmm(s: &Signal, table: &Table) -> bool {
+fn is_ddmm(s: &Signal, table: &LogTable) -> bool {
     let angles = || {
         (0..table.rows())
             .map(|row| s.raw(table, row))
@@ -831,7 +831,7 @@ fn is_ddmm(s: &Signal, table: &Table) -> bool {
 }
 
 /// Returns true if angles in degrees would be beyond 90 or 360 in more than a hundredth of the rows.
-fn is_beyond(s: &Signal, table: &Table) -> bool {
+fn is_beyond(s: &Signal, table: &LogTable) -> bool {
     let reach = |axis: usize| quantile((0..table.rows()).map(|row| s.raw(table, row)[axis].abs()), 0.99);
     reach(0) > 90.0 || reach(1) > 360.0
 }
@@ -843,12 +843,12 @@ fn of_ddmm(x: f64) -> f64 {
 }
 
 /// The length of a vector that this share of the rows stays below, in the unit of its columns.
-fn length(signal: &Signal, table: &Table, share: f64) -> f64 {
+fn length(signal: &Signal, table: &LogTable, share: f64) -> f64 {
     quantile((0..table.rows()).map(|row| norm(signal.raw(table, row))), share)
 }
 
 /// The unit that the values suggest, and the reason; `None` if the name gives it.
-fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str, String)> {
+fn unit_by_values(s: &Signal, table: &LogTable, rate: f64) -> Option<(&'static str, String)> {
     let reach = |axis: usize| quantile((0..table.rows()).map(|row| s.raw(table, row)[axis].abs()), 0.99);
     if s.kind == Kind::SpecificForce && s.increment {
         let m = length(s, table, 0.5) * rate;

@@ -2,7 +2,7 @@
 
 use super::signal::Kind;
 use super::*;
-use fusion::source::table::Column;
+use fusion::source::table::LogColumn;
 
 mod field;
 mod loggers;
@@ -15,17 +15,17 @@ mod water;
 mod wheels;
 
 /// A table of columns by name.
-fn table(columns: &[(&str, &dyn Fn(f64) -> f64)], rows: usize, rate: f64) -> Table {
-    let column = |(name, of): &(&str, &dyn Fn(f64) -> f64)| Column {
+fn table(columns: &[(&str, &dyn Fn(f64) -> f64)], rows: usize, rate: f64) -> LogTable {
+    let column = |(name, of): &(&str, &dyn Fn(f64) -> f64)| LogColumn {
         name: (*name).to_owned(),
         values: (0..rows).map(|k| of(k as f64 / rate)).collect(),
-        ..Column::default()
+        ..LogColumn::default()
     };
-    Table {
+    LogTable {
         path: "log.csv".into(),
         header: true,
         columns: columns.iter().map(column).collect(),
-        ..Table::default()
+        ..LogTable::default()
     }
 }
 
@@ -36,7 +36,7 @@ fn noise(t: f64, seed: f64) -> f64 {
 }
 
 /// A minute at 50 Hz: twenty seconds at rest, z down, then shaken; one g, and a bias of 0.01 rad/s about y.
-fn unit() -> Table {
+fn unit() -> LogTable {
     let shaken = |t: f64, size: f64, seed: f64| noise(t, seed) * if t < 20.0 { 0.01 } else { size };
     table(
         &[
@@ -138,7 +138,7 @@ fn rest_is_where_the_reported_speed_says_so() {
 }
 
 /// Five minutes at 1 Hz northwards at 3 m/s, climbing at 0.5 m/s; the reported vertical velocity has the factor `sign`.
-fn fixes(sign: f64) -> Table {
+fn fixes(sign: f64) -> LogTable {
     table(
         &[
             ("t", &|t| t),
@@ -195,10 +195,10 @@ fn every_column_is_used_or_named() {
         ("est_x", &|k| k as f64),
         ("note", &|_| f64::NAN),
     ];
-    odd.columns.extend(more.map(|(name, of)| Column {
+    odd.columns.extend(more.map(|(name, of)| LogColumn {
         name: name.to_owned(),
         values: (0..rows).map(of).collect(),
-        ..Column::default()
+        ..LogColumn::default()
     }));
     let page = Inspection::look(vec![Log::of(odd)]).page();
     let section = page.sections.iter().find(|s| s.title == "Not used").unwrap();
@@ -331,10 +331,10 @@ fn a_standard_deviation_is_no_height() {
     // Ten fixes a second: some of them judge.
     flat.columns[0].values.iter_mut().for_each(|t| *t *= 0.1);
     flat.columns.truncate(3);
-    flat.columns.extend(["dvl_std_m", "valid_fix"].map(|name| Column {
+    flat.columns.extend(["dvl_std_m", "valid_fix"].map(|name| LogColumn {
         name: name.to_owned(),
         values: (0..300).map(|k| 0.1 + f64::from(k % 2)).collect(),
-        ..Column::default()
+        ..LogColumn::default()
     }));
     flat.columns[4].values.iter_mut().for_each(|v| *v *= 2.0);
     let mut shaken = unit();

@@ -11,7 +11,7 @@
 use fusion::models::block::BuildError;
 use fusion::rows::{DataError, ProvidedChannel, RowStream, SourceError};
 use fusion::source::decode::{Cell, Malformed, Plan, RawRows, TimeSpec};
-use fusion::source::table::{Table, Topic};
+use fusion::source::table::{LogTable, Topic};
 use fusion::source::{DataFile, LogFormat, OpenContext, SourceSpec};
 use serde_json::{Map, Value};
 use std::collections::HashMap;
@@ -55,13 +55,13 @@ static FORMAT: LogFormat = LogFormat {
 fusion::inventory::submit! { FORMAT }
 
 /// One table for each stream, or for the whole file if its lines are no envelopes.
-fn tables(path: &Path) -> Result<Vec<Table>, SourceError> {
+fn tables(path: &Path) -> Result<Vec<LogTable>, SourceError> {
     let context = OpenContext::default();
     let file = DataFile::new(path, &context);
     let table = |topic: Option<Topic>| {
         let rows = Lines::open(&file, &context, topic.as_ref().map(|topic| topic.name.as_str()))?;
-        let table = Table::of_rows(path, &FORMAT, rows)?;
-        Ok(Table { topic, ..table })
+        let table = LogTable::of_rows(path, &FORMAT, rows)?;
+        Ok(LogTable { topic, ..table })
     };
     let topics = topics(&file, &context)?;
     if topics.is_empty() {

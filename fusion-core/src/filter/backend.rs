@@ -3,7 +3,7 @@
 use super::iterated::Iterated;
 use super::outright::Outright;
 use super::rule::{Single, UpdateRule};
-use super::sigma::Spread;
+use super::sigma::SigmaSpread;
 use super::unscented::Unscented;
 use crate::chart::{AdditiveEuler, AdditiveQuaternion, Biases, Body, Chart, Invariant, Navigation, Reset, Side};
 use crate::covariance::{FormKind, Kernel};
@@ -37,7 +37,7 @@ pub enum UpdateKind {
     /// Repeatedly, along the correction: Gauss-Newton.
     Iterated(Iterated),
     /// By sigma points, the prediction too.
-    Unscented(Spread),
+    Unscented(SigmaSpread),
     /// Without weighing: the state takes the measured value. No covariance is kept.
     Outright,
     /// A rule of another crate.
@@ -88,7 +88,7 @@ impl Backend {
     };
     /// The unscented filter on the manifold, body-frame error.
     pub const UKF: Self = Self {
-        update: UpdateKind::Unscented(Spread::DEFAULT),
+        update: UpdateKind::Unscented(SigmaSpread::DEFAULT),
         ..Self::ERROR_STATE
     };
 }

@@ -9,7 +9,7 @@ use super::own::OwnDynamics;
 use super::protect::Protection;
 use super::reacquire::Growing;
 use super::rule::{Innovation, Problem, UpdateRule};
-use super::sigma::Spread;
+use super::sigma::SigmaSpread;
 use super::step::Step;
 use crate::belief::{Belief, Past};
 use crate::chart::{Chart, Reset};
@@ -290,7 +290,7 @@ impl Filter {
     /// The belief by sigma points through the process's own step; its noise is added as usual. Returns false,
     /// with the covariance as before, if the result is not sound. If steps are kept, Φ becomes the regression of the
     /// moved points on the points before.
-    fn spread_step(&mut self, spread: &Spread, input: &Input<'_>, dt: f64) -> bool {
+    fn spread_step(&mut self, spread: &SigmaSpread, input: &Input<'_>, dt: f64) -> bool {
         self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
         self.own.write(dt, &mut self.transition);
         self.transition.finish();

@@ -32,7 +32,7 @@ pub use kalman::{Filter, Parts};
 pub use lateness::Lateness;
 pub use outright::Outright;
 pub use rule::{Innovation, Problem, Single, UpdateRule};
-pub use sigma::{SigmaPoints, Spread};
+pub use sigma::{SigmaPoints, SigmaSpread};
 pub use step::Step;
 pub use unscented::Unscented;
 

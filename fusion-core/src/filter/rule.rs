@@ -3,7 +3,7 @@
 use super::earlier::Earlier;
 use super::estimator::Observed;
 use super::kalman::Signals;
-use super::sigma::{SigmaPoints, Spread};
+use super::sigma::{SigmaPoints, SigmaSpread};
 use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form, Workspace, axpy, cholesky, solve_lower};
 use crate::linear::{BlockMatrix, Jacobian};
@@ -40,7 +40,7 @@ pub trait UpdateRule: Debug + Send + Sync {
     }
 
     /// The sigma points by which the belief is predicted as well; `None` for the process's own Φ.
-    fn spread(&self) -> Option<Spread> {
+    fn spread(&self) -> Option<SigmaSpread> {
         None
     }
 

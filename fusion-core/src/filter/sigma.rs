@@ -17,7 +17,7 @@ use crate::math;
 
 /// How the sigma points are spread: the scaled set.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spread {
+pub struct SigmaSpread {
     /// α: the points lie α√(n + κ) σ from the estimate.
     pub alpha: f64,
     /// β: 2 is best for a Gaussian; at least α², so that no variance can become negative.
@@ -26,7 +26,7 @@ pub struct Spread {
     pub kappa: f64,
 }
 
-impl Spread {
+impl SigmaSpread {
     /// α = 1, β = 2, κ = 0: the points lie √n σ away, no weight is negative.
     pub const DEFAULT: Self = Self {
         alpha: 1.0,
@@ -41,7 +41,7 @@ impl Spread {
     }
 }
 
-impl Default for Spread {
+impl Default for SigmaSpread {
     fn default() -> Self {
         Self::DEFAULT
     }
@@ -135,7 +135,7 @@ impl SigmaPoints {
     }
 
     /// μ from the even parts. Their contribution to the covariance goes into `spread`, m×m.
-    pub(super) fn second_order(&mut self, m: usize, reach: f64, set: &Spread) {
+    pub(super) fn second_order(&mut self, m: usize, reach: f64, set: &SigmaSpread) {
         let (n, lm, w) = (self.n, self.lm, 1.0 / (2.0 * reach * reach));
         let mean = &mut self.mean[..lm];
         mean.fill(0.0);

@@ -7,13 +7,13 @@
 //! As a step   H = A L⁻¹, R + E: the linear measurement that would do the same
 
 use super::rule::{Innovation, Problem, UpdateRule};
-use super::sigma::{SigmaPoints, Spread};
+use super::sigma::{SigmaPoints, SigmaSpread};
 use crate::covariance::{Workspace, axpy};
 use crate::model::{Size, Undefined};
 
 /// Sigma points for prediction and update.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Unscented(pub Spread);
+pub struct Unscented(pub SigmaSpread);
 
 impl UpdateRule for Unscented {
     fn name(&self) -> &'static str {
@@ -76,7 +76,7 @@ impl UpdateRule for Unscented {
         true
     }
 
-    fn spread(&self) -> Option<Spread> {
+    fn spread(&self) -> Option<SigmaSpread> {
         Some(self.0)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fusion_models::block::Nested;
+use fusion_models::block::NestedBlock;
 use fusion_models::units::{Axes, Length, NonNegative, Positive, Probability, dim};
 use serde::Deserialize;
 
@@ -52,7 +52,7 @@ struct Gnss {
     #[serde(default)]
     rate: Option<Positive<dim::Frequency>>,
     #[serde(default)]
-    gate: Option<Nested<dyn Gate>>,
+    gate: Option<NestedBlock<dyn Gate>>,
     #[serde(default)]
     loss: Option<Loss>,
 }

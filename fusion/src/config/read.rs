@@ -7,7 +7,7 @@
 use std::cell::RefCell;
 use std::collections::HashSet;
 
-use fusion_models::block::Nested;
+use fusion_models::block::NestedBlock;
 use serde::de::DeserializeOwned;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Place, did_you_mean};
@@ -23,7 +23,7 @@ const MOST: usize = 50;
 impl Node {
     /// Reads the node as a `T`, and reports as many independent mistakes as possible.
     ///
-    /// A table read as a [`Nested`] trait object (externally tagged typetag) or as an enum has the name of
+    /// A table read as a [`NestedBlock`] trait object (externally tagged typetag) or as an enum has the name of
     /// its variant in the field `type`, at any depth. The name alone, `"nis"`, is short for
     /// `{ type = "nis" }`.
     pub fn read<T: DeserializeOwned>(&self, diagnostics: &mut Diagnostics) -> Option<T> {
@@ -60,7 +60,7 @@ impl Node {
         Box<T>: DeserializeOwned,
     {
         diagnostics.keep(self.check_type(role, known))?;
-        self.read::<Nested<T>>(diagnostics).map(|block| block.0)
+        self.read::<NestedBlock<T>>(diagnostics).map(|block| block.0)
     }
 
     /// Reports the `required` fields that are missing in this unreadable block: serde stops at the first missing

@@ -4,7 +4,7 @@ use super::choice::{ChartSpec, Choice, FormSpec, UpdateSpec, duplicate, words};
 use crate::config::{Diagnostic, Diagnostics, Node, did_you_mean};
 use fusion_core::chart::{Biases, Chart, Reset, Side};
 use fusion_core::covariance::{Form, FormKind, Kernel};
-use fusion_core::filter::{Backend, BankLimits, ChartKind, Iterated, Spread, UpdateKind, UpdateRule};
+use fusion_core::filter::{Backend, BankLimits, ChartKind, Iterated, SigmaSpread, UpdateKind, UpdateRule};
 use fusion_core::state::{Kind, Layout, StateRole};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -124,7 +124,7 @@ pub struct SpreadSpec {
 
 impl Default for SpreadSpec {
     fn default() -> Self {
-        let Spread { alpha, beta, kappa } = Spread::DEFAULT;
+        let SigmaSpread { alpha, beta, kappa } = SigmaSpread::DEFAULT;
         Self { alpha, beta, kappa }
     }
 }
@@ -178,7 +178,7 @@ impl FilterSpec {
             backend.update = match update {
                 Choice::BuiltIn(UpdateSpec::Single) => UpdateKind::Single,
                 Choice::BuiltIn(UpdateSpec::Iterated) => UpdateKind::Iterated(Iterated::DEFAULT),
-                Choice::BuiltIn(UpdateSpec::Unscented) => UpdateKind::Unscented(Spread::DEFAULT),
+                Choice::BuiltIn(UpdateSpec::Unscented) => UpdateKind::Unscented(SigmaSpread::DEFAULT),
                 Choice::BuiltIn(UpdateSpec::Outright) => UpdateKind::Outright,
                 Choice::Custom(rule) => UpdateKind::Custom(rule),
             };
@@ -191,7 +191,7 @@ impl FilterSpec {
             }
             UpdateKind::Unscented(spread) => {
                 let SpreadSpec { alpha, beta, kappa } = self.spread.unwrap_or_default();
-                *spread = Spread { alpha, beta, kappa };
+                *spread = SigmaSpread { alpha, beta, kappa };
             }
         }
         backend.protection = self.protect_calibrations;

@@ -4,7 +4,7 @@ use super::{ProvidedChannel, RowCounts, RowStream, SourceError, SourceReport, St
 use core::ops::Range;
 use fusion_core::time::Time;
 use fusion_models::block::BuildError;
-use fusion_models::fault::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use fusion_models::fault::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use std::collections::VecDeque;
 
 /// Faults as declared, by name.
@@ -87,17 +87,17 @@ impl FaultChain {
         for (name, fault) in &mut self.faults {
             let outcome = fault.apply(time, values);
             match outcome {
-                Outcome::Untouched => continue,
-                Outcome::Withheld => {
+                RowOutcome::Untouched => continue,
+                RowOutcome::Withheld => {
                     self.counts.skipped(&format!("withheld by fault {name}"), None);
                     return None;
                 }
-                Outcome::Disturbed => {}
-                Outcome::Restamped { by } => fate.restamped = fate.restamped.saturating_add(by),
-                Outcome::Delayed { by } => fate.delayed = fate.delayed.saturating_add(by),
-                Outcome::Repeated { copies } => fate.copies = fate.copies.saturating_add(copies),
+                RowOutcome::Disturbed => {}
+                RowOutcome::Restamped { by } => fate.restamped = fate.restamped.saturating_add(by),
+                RowOutcome::Delayed { by } => fate.delayed = fate.delayed.saturating_add(by),
+                RowOutcome::Repeated { copies } => fate.copies = fate.copies.saturating_add(copies),
             }
-            if matches!(outcome, Outcome::Disturbed | Outcome::Restamped { .. }) {
+            if matches!(outcome, RowOutcome::Disturbed | RowOutcome::Restamped { .. }) {
                 self.disturbed.push(fault.columns());
             }
             self.counts.disturbed(name);

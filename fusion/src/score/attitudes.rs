@@ -3,7 +3,7 @@
 use super::bounded::{Quantiles, Thinned};
 use super::comparison::{AttitudeError, Deviation, attitude_error};
 use super::scorer::Sums;
-use super::{Axes, Spread};
+use super::{Axes, LengthSpread};
 use fusion_core::geometry::so3;
 use fusion_core::math;
 use fusion_core::time::Time;
@@ -62,8 +62,8 @@ pub(super) struct Found {
     /// The same as a rotation, from body to the reference's body.
     pub(super) mounting: UnitQuaternion<f64>,
     /// Median and 95 % of the angle between the attitudes, and of the rotation about the vertical \[deg\].
-    pub(super) rotation_spread: Option<Spread>,
-    pub(super) heading_spread: Option<Spread>,
+    pub(super) rotation_spread: Option<LengthSpread>,
+    pub(super) heading_spread: Option<LengthSpread>,
     /// RMS of the angle between the attitudes \[deg\].
     pub(super) rotation: Option<f64>,
     /// RMS of the rotation about the vertical, and of the rest \[deg\].
@@ -179,7 +179,7 @@ impl Attitudes {
 
 impl Found {
     fn of(sums: Sums, mut turns: Turns, count: f64, mounting_deg: Option<[f64; 3]>) -> Self {
-        let degrees = |of: &mut Quantiles| Spread::of(of).map(|spread| spread.times(1_f64.to_degrees()));
+        let degrees = |of: &mut Quantiles| LengthSpread::of(of).map(|spread| spread.times(1_f64.to_degrees()));
         let rms = |squares: f64| (count > 0.0).then(|| math::sqrt(squares / count).to_degrees());
         Self {
             axes: sums.axes(),

@@ -4,8 +4,8 @@
 //!
 //! | statistic | consistent where | otherwise |
 //! |---|---|---|
-//! | mean NEES, mean NIS | in the two-sided 95 % band of a χ² mean | [`Verdict::Overconfident`] above, [`Verdict::Conservative`] below |
-//! | share of errors inside 3σ | at least [`SHARE_INSIDE`] | [`Verdict::Overconfident`]; a share cannot be too large |
+//! | mean NEES, mean NIS | in the two-sided 95 % band of a χ² mean | [`ConsistencyVerdict::Overconfident`] above, [`ConsistencyVerdict::Conservative`] below |
+//! | share of errors inside 3σ | at least [`SHARE_INSIDE`] | [`ConsistencyVerdict::Overconfident`]; a share cannot be too large |
 //!
 //! Sources: Bar-Shalom, Li, Kirubarajan 2001, §5.4 (tests of NEES and NIS; they call the two
 //! faults *optimistic* and *pessimistic*); Uhlmann 2003 (*conservative*: the covariance is not
@@ -27,7 +27,7 @@ pub const SHARE_INSIDE: f64 = 0.98;
 /// The result of comparing the errors of a filter with its covariance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum ConsistencyVerdict {
     /// The errors are as large as the covariance says.
     Consistent,
     /// The errors are larger than the covariance says.
@@ -36,7 +36,7 @@ pub enum Verdict {
     Conservative,
 }
 
-impl Verdict {
+impl ConsistencyVerdict {
     /// The verdict for a share of errors inside their own 3σ; `None` if the share is NaN.
     #[must_use]
     pub fn of_share(inside: f64) -> Option<Self> {
@@ -140,22 +140,22 @@ impl Consistency {
 
     /// The verdict; `None` if the mean is NaN, or without a band for comparison.
     #[must_use]
-    pub fn verdict(&self) -> Option<Verdict> {
+    pub fn verdict(&self) -> Option<ConsistencyVerdict> {
         let (low, high) = self.band;
         if self.dof == 0 || self.mean.is_nan() || low.is_nan() || high.is_nan() {
             return None;
         }
         Some(match self.mean {
-            m if m > high => Verdict::Overconfident,
-            m if m < low => Verdict::Conservative,
-            _ => Verdict::Consistent,
+            m if m > high => ConsistencyVerdict::Overconfident,
+            m if m < low => ConsistencyVerdict::Conservative,
+            _ => ConsistencyVerdict::Consistent,
         })
     }
 
     /// Returns true if the mean is within its band.
     #[must_use]
     pub fn is_consistent(&self) -> bool {
-        self.verdict() == Some(Verdict::Consistent)
+        self.verdict() == Some(ConsistencyVerdict::Consistent)
     }
 
     /// The mean divided by its expected value: 1 if consistent, for any degrees of freedom.
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn a_mean_above_its_band_is_overconfident_and_one_below_conservative() {
-        use Verdict::{Conservative, Consistent, Overconfident};
+        use ConsistencyVerdict::{Conservative, Consistent, Overconfident};
         let verdicts = [3.6, 3.5, 3.0, 2.5, 2.4, f64::INFINITY].map(|m| with_mean(m).verdict());
         let expected = [Overconfident, Consistent, Consistent, Consistent, Conservative, Overconfident];
         assert_eq!(verdicts, expected.map(Some));
@@ -203,13 +203,13 @@ mod tests {
         for c in [with_mean(f64::NAN), no_band, no_rows] {
             assert_eq!((c.verdict(), c.is_consistent()), (None, false), "{c:?}");
         }
-        assert_eq!(Verdict::of_share(f64::NAN), None);
+        assert_eq!(ConsistencyVerdict::of_share(f64::NAN), None);
     }
 
     #[test]
     fn a_share_is_overconfident_below_its_threshold_only() {
-        let verdicts = [0.0, 0.979, 0.98, 1.0].map(Verdict::of_share);
-        use Verdict::{Consistent, Overconfident};
+        let verdicts = [0.0, 0.979, 0.98, 1.0].map(ConsistencyVerdict::of_share);
+        use ConsistencyVerdict::{Consistent, Overconfident};
         assert_eq!(verdicts, [Overconfident, Overconfident, Consistent, Consistent].map(Some));
     }
 

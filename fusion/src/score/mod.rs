@@ -23,7 +23,7 @@ pub use blocks::BlockScore;
 pub(crate) use blocks::BlockScorer;
 pub(crate) use bounded::Quantiles;
 pub use comparison::{AttitudeError, Comparison, Deviation, EpochError, attitude_error};
-pub use consistency::{Consistency, Verdict};
+pub use consistency::{Consistency, ConsistencyVerdict};
 pub use convergence::{Convergence, Limits};
 pub use course::Course;
 pub use drift::{Drift, Moved, Outage};
@@ -76,14 +76,14 @@ impl Axes {
 
 /// Median and 95 % of the length of an error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Spread {
+pub struct LengthSpread {
     /// The median over the epochs.
     pub median: f64,
     /// The 95 % quantile over the epochs.
     pub p95: f64,
 }
 
-impl Spread {
+impl LengthSpread {
     pub(crate) fn of(lengths: &mut Quantiles) -> Option<Self> {
         let [median, p95] = [0.5, 0.95].map(|share| lengths.within(share));
         let (median, p95) = median.zip(p95)?;
@@ -103,15 +103,15 @@ impl Spread {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spreads {
     /// Length of the position error \[m\].
-    pub position: Option<Spread>,
+    pub position: Option<LengthSpread>,
     /// Length of its horizontal part \[m\].
-    pub horizontal: Option<Spread>,
+    pub horizontal: Option<LengthSpread>,
     /// Length of the velocity error \[m/s\].
-    pub velocity: Option<Spread>,
+    pub velocity: Option<LengthSpread>,
     /// Angle between the two attitudes \[deg\].
-    pub rotation_deg: Option<Spread>,
+    pub rotation_deg: Option<LengthSpread>,
     /// Rotation about the vertical \[deg\].
-    pub heading_deg: Option<Spread>,
+    pub heading_deg: Option<LengthSpread>,
 }
 
 /// The result.

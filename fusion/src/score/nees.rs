@@ -307,13 +307,13 @@ mod tests {
         // draw. Its NEES of 5.3 varies only by the noise, as a thousand samples would.
         let drawn = deviations(1000, 1.3, 0.0, 0.3).consistency().unwrap();
         assert!(
-            drawn.independent < 3.0 && drawn.verdict() == Some(crate::score::Verdict::Consistent),
+            drawn.independent < 3.0 && drawn.verdict() == Some(crate::score::ConsistencyVerdict::Consistent),
             "{drawn:?}"
         );
         // A hundred samples show white errors twice as large as stated; at least half of 1000 count.
         let white = deviations(1000, 0.0, 0.0, 2.0).consistency().unwrap();
         assert!(
-            white.independent > 500.0 && white.verdict() == Some(crate::score::Verdict::Overconfident),
+            white.independent > 500.0 && white.verdict() == Some(crate::score::ConsistencyVerdict::Overconfident),
             "{white:?}"
         );
         // With ρ = 0.9 between neighbours, τ of the squares is (1 + 0.81)/(1 − 0.81) = 9.5: 105 of 1000. The tolerance

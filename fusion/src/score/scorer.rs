@@ -11,7 +11,7 @@ use super::nees::NeesSeries;
 use super::offset::OffsetFit;
 use super::trajectory::{Poses, TrajectoryRules};
 use super::travelled::Horizontal;
-use super::{Axes, Score, Spread, Spreads};
+use super::{Axes, LengthSpread, Score, Spreads};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::math;
 use fusion_core::time::Time;
@@ -278,10 +278,10 @@ impl Scorer {
     pub fn finish(mut self) -> Score {
         let attitude_count = self.attitudes.count() as usize;
         let attitude = self.attitudes.finish();
-        let [position, velocity] = self.lengths.each_mut().map(Spread::of);
+        let [position, velocity] = self.lengths.each_mut().map(LengthSpread::of);
         let spread = Spreads {
             position,
-            horizontal: Spread::of(&mut self.horizontal.lengths),
+            horizontal: LengthSpread::of(&mut self.horizontal.lengths),
             velocity,
             rotation_deg: attitude.rotation_spread,
             heading_deg: attitude.heading_spread,

@@ -1,6 +1,6 @@
 //! Log formats, as `fusion inspect` recognises them.
 
-use super::table::Table;
+use super::table::LogTable;
 use super::{DataFile, OpenContext};
 use crate::rows::SourceError;
 use std::io::Read;
@@ -44,7 +44,7 @@ pub struct LogFormat {
     ///
     /// # Errors
     /// It cannot be opened or read.
-    pub read: fn(&Path) -> Result<Vec<Table>, SourceError>,
+    pub read: fn(&Path) -> Result<Vec<LogTable>, SourceError>,
 }
 
 crate::inventory::collect!(LogFormat);
@@ -83,7 +83,7 @@ pub(super) static TEXT: LogFormat = LogFormat {
     has_own_clock: false,
     endings: &[".csv", ".csv.gz", ".txt", ".txt.gz"],
     recognises: |_| false,
-    read: |path| Ok(vec![Table::of_text(path)?]),
+    read: |path| Ok(vec![LogTable::of_text(path)?]),
 };
 
 crate::inventory::submit! { TEXT }

@@ -9,7 +9,7 @@ mod tests;
 
 use self::format::{Content, Variable};
 use super::decode::{Cell, Origin, Plan, RawRows, Stamp, format_spec, time_spec};
-use super::table::Table;
+use super::table::LogTable;
 use super::{DataFile, LogFormat, OpenContext, SourceSpec};
 use crate::rows::{DataError, ProvidedChannel, RowStream, SourceError};
 use fusion_core::math;
@@ -71,11 +71,11 @@ static FORMAT: LogFormat = LogFormat {
 crate::inventory::submit! { FORMAT }
 
 /// Makes a table of the arrays for each number of samples.
-fn tables(path: &Path) -> Result<Vec<Table>, SourceError> {
+fn tables(path: &Path) -> Result<Vec<LogTable>, SourceError> {
     let context = OpenContext::default();
     let file = Undeclared::open(&DataFile::new(path, &context), &context)?;
     let table = |rows| {
-        let mut table = Table::of_rows(path, &FORMAT, rows)?;
+        let mut table = LogTable::of_rows(path, &FORMAT, rows)?;
         table.rate.clone_from(&file.rate);
         let names: Vec<String> = table.columns.iter().map(|c| c.name.clone()).collect();
         table.columns.iter_mut().for_each(|c| c.label = label(&names, &c.name));

@@ -7,7 +7,7 @@
 
 use super::csv::{CsvRows, Dialect, Head, Names};
 use super::decode::{Cell, Malformed, Origin, Plan, RawRows, Scale, Stamp, decimal_nanos, format_spec, time_spec};
-use super::table::Table;
+use super::table::LogTable;
 use super::{DataFile, LogFormat, OpenContext, SourceSpec};
 use crate::rows::{DataError, ProvidedChannel, RowStream, SourceError};
 use fusion_models::block::BuildError;
@@ -39,7 +39,7 @@ static FORMAT: LogFormat = LogFormat {
     read: |path| {
         let context = OpenContext::default();
         let rows = PosRows::open(&DataFile::new(path, &context), &context)?;
-        Ok(vec![Table::of_rows(path, &FORMAT, rows)?])
+        Ok(vec![LogTable::of_rows(path, &FORMAT, rows)?])
     },
 };
 

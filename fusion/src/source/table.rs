@@ -24,7 +24,7 @@ const BLANKS: &str = "blanks";
 
 /// A file as columns of numbers.
 #[derive(Clone, Debug, Default)]
-pub struct Table {
+pub struct LogTable {
     /// The file.
     pub path: PathBuf,
     /// The stream, if the file has several streams of unlike types.
@@ -48,7 +48,7 @@ pub struct Table {
     /// A comment that states the rate, and the rate in samples per second.
     pub told: Option<(String, f64)>,
     /// Its columns.
-    pub columns: Vec<Column>,
+    pub columns: Vec<LogColumn>,
     /// The name of the number that gives the rate, and the rate in samples per second. The first column then holds
     /// the stamps in nanoseconds.
     pub rate: Option<(String, f64)>,
@@ -69,7 +69,7 @@ pub struct Topic {
 
 /// A column.
 #[derive(Clone, Debug, Default)]
-pub struct Column {
+pub struct LogColumn {
     /// The name used in declarations.
     pub name: String,
     /// Its first cell as written.
@@ -116,7 +116,7 @@ pub fn gps_of_unix(seconds: f64) -> Option<f64> {
     Some(count as f64 * 1e-9)
 }
 
-impl Column {
+impl LogColumn {
     /// The label, or else the name.
     #[must_use]
     pub fn called(&self) -> &str {
@@ -124,7 +124,7 @@ impl Column {
     }
 }
 
-impl Table {
+impl LogTable {
     /// The name of its file, with the topic if the file has several streams.
     #[must_use]
     pub fn name(&self) -> String {
@@ -207,9 +207,9 @@ impl Table {
 
     /// Adds all rows.
     fn filled(mut self, mut rows: impl RawRows) -> Result<Self, SourceError> {
-        let named = rows.columns().iter().map(|name| Column {
+        let named = rows.columns().iter().map(|name| LogColumn {
             name: name.clone(),
-            ..Column::default()
+            ..LogColumn::default()
         });
         self.columns = named.collect();
         while rows.advance()? {
@@ -281,7 +281,7 @@ fn is_stamp(field: &str, fields: &[String]) -> bool {
     Scale::guessed(field).is_some() || is_of(SOME_DAY, field) || fields.iter().any(|other| is_of(other, field) || is_of(field, other))
 }
 
-impl Table {
+impl LogTable {
     /// The declaration of a file of which only the head is known; its column of time is a placeholder that is not read.
     fn spec(&self) -> Result<CsvSpec, SourceError> {
         let path = &self.path;
@@ -307,10 +307,10 @@ impl Table {
 mod tests {
     use super::*;
 
-    fn of(name: &str, text: &str) -> Table {
+    fn of(name: &str, text: &str) -> LogTable {
         let path = std::env::temp_dir().join(format!("fusion-table-{}-{name}", std::process::id()));
         std::fs::write(&path, text).unwrap();
-        let table = Table::read(&path).unwrap();
+        let table = LogTable::read(&path).unwrap();
         std::fs::remove_file(path).unwrap();
         table
     }

@@ -7,7 +7,7 @@ use crate::design::Design;
 use crate::rows::{Nobody, ProvidedChannel, Row};
 use fusion_core::time::Time;
 use fusion_models::block::imu_channels;
-use fusion_models::fault::Outcome;
+use fusion_models::fault::RowOutcome;
 use fusion_models::fault::{FaultContext, derive_seed};
 
 /// Ten seconds at rest; `imu` is added to the fields of the IMU.
@@ -94,7 +94,7 @@ fn a_random_fault_of_the_unit_has_a_seed_of_its_own() {
     let mut fault = faulty.simulation.as_ref().unwrap().block.faults[0].1[0].1.build(&context).unwrap();
     let mut expected = rows(&sound, "unit");
     for (time, row) in &mut expected {
-        assert_eq!(fault.apply(*time, row), Outcome::Disturbed);
+        assert_eq!(fault.apply(*time, row), RowOutcome::Disturbed);
     }
     assert_eq!(rows(&faulty, "unit"), expected);
     assert_ne!(rows(&sound, "unit"), expected);

@@ -326,7 +326,7 @@ impl Duel {
 
 /// Mean, standard deviation, smallest and largest over the runs.
 #[derive(Clone, Copy, Debug)]
-pub struct Spread {
+pub struct RunSpread {
     /// Mean.
     pub mean: f64,
     /// Standard deviation.
@@ -449,7 +449,7 @@ impl Campaign {
 
     /// The spread over the runs of a figure; `None` without finite figures.
     #[must_use]
-    pub fn spread(&self, figure: impl Fn(&RunRow) -> f64) -> Option<Spread> {
+    pub fn spread(&self, figure: impl Fn(&RunRow) -> f64) -> Option<RunSpread> {
         let values: Vec<f64> = self.rows.iter().map(figure).filter(|v| v.is_finite()).collect();
         let n = values.len() as f64;
         if values.is_empty() {
@@ -458,7 +458,7 @@ impl Campaign {
         let mean = values.iter().sum::<f64>() / n;
         let variance = values.iter().map(|v| math::powi(v - mean, 2)).sum::<f64>() / (n - 1.0).max(1.0);
         let (min, max) = values.iter().fold((f64::MAX, f64::MIN), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
-        Some(Spread {
+        Some(RunSpread {
             mean,
             std: math::sqrt(variance),
             min,

@@ -22,7 +22,7 @@ mod watch;
 pub use cases::Case;
 pub(crate) use catalogue::TABLE;
 pub use catalogue::{Catalogue, CatalogueSpec};
-pub use watch::{Outcome, Said};
+pub use watch::{CaseOutcome, Said};
 
 use fusion::assembly::Assembly;
 use fusion::config::{Diagnostic, Diagnostics};
@@ -40,16 +40,16 @@ use watch::{Record, Watch};
 
 /// A case and its outcome.
 #[derive(Clone, Debug)]
-pub struct Row {
+pub struct CaseResult {
     /// The case.
     pub case: Case,
     /// The outcome for the filter.
-    pub outcome: Outcome,
+    pub outcome: CaseOutcome,
 }
 
 /// The verdict on a case, if it needs one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum CaseVerdict {
     /// The filter was wrong for too long with good health.
     Failed,
     /// The filter failed, and the design declares it.
@@ -60,7 +60,7 @@ pub enum Verdict {
     NoClock,
 }
 
-impl Verdict {
+impl CaseVerdict {
     /// The verdict as it is shown.
     #[must_use]
     pub const fn word(self) -> &'static str {
@@ -73,17 +73,17 @@ impl Verdict {
     }
 }
 
-impl Row {
+impl CaseResult {
     /// Whether the filter failed, or was declared to fail; `None` if all is well.
     #[must_use]
-    pub fn verdict(&self) -> Option<Verdict> {
+    pub fn verdict(&self) -> Option<CaseVerdict> {
         let is_wrong = self.outcome.stopped.is_some() || self.outcome.unsaid > self.case.recovery;
         match (is_wrong, self.case.is_known) {
             // A filter without any row cannot know that time passes.
-            (true, _) if self.outcome.hears_nothing && self.outcome.stopped.is_none() => Some(Verdict::NoClock),
-            (true, true) => Some(Verdict::Known),
-            (true, false) => Some(Verdict::Failed),
-            (false, true) if self.case.sets.len() == 1 => Some(Verdict::Passed),
+            (true, _) if self.outcome.hears_nothing && self.outcome.stopped.is_none() => Some(CaseVerdict::NoClock),
+            (true, true) => Some(CaseVerdict::Known),
+            (true, false) => Some(CaseVerdict::Failed),
+            (false, true) if self.case.sets.len() == 1 => Some(CaseVerdict::Passed),
             (false, _) => None,
         }
     }
@@ -97,9 +97,9 @@ pub struct Stress {
     /// The inputs of the run.
     pub provenance: Provenance,
     /// The undisturbed run, judged like the others.
-    pub undisturbed: Row,
+    pub undisturbed: CaseResult,
     /// One row per case.
-    pub rows: Vec<Row>,
+    pub rows: Vec<CaseResult>,
     /// The moment of the faults.
     pub at: Time,
     /// Whether this moment is apart from declared faults, with enough time to recover before the log ends.
@@ -114,7 +114,7 @@ impl Stress {
     /// The number of failed cases.
     #[must_use]
     pub fn failures(&self) -> usize {
-        self.rows.iter().filter(|r| r.verdict() == Some(Verdict::Failed)).count()
+        self.rows.iter().filter(|r| r.verdict() == Some(CaseVerdict::Failed)).count()
     }
 }
 
@@ -164,16 +164,16 @@ pub fn stress(
     let undisturbed = Case::undisturbed(at);
     let pool = pool(threads)?;
     let (done, total) = (AtomicUsize::new(0), cases.len());
-    let one = |case: Case| -> Result<Row, Diagnostics> {
+    let one = |case: Case| -> Result<CaseResult, Diagnostics> {
         let outcome = outcome(design, &case, catalogue.watch, options, &survey)?;
         progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
-        Ok(Row { case, outcome })
+        Ok(CaseResult { case, outcome })
     };
-    let rows: Result<Vec<Row>, Diagnostics> = pool.install(|| cases.into_par_iter().map(one).collect());
+    let rows: Result<Vec<CaseResult>, Diagnostics> = pool.install(|| cases.into_par_iter().map(one).collect());
     Ok(Stress {
         description: design.run.description.clone(),
         provenance: Provenance::of(design, Some(seed)),
-        undisturbed: Row {
+        undisturbed: CaseResult {
             outcome: outcome(design, &undisturbed, catalogue.watch, options, &survey)?,
             case: undisturbed,
         },
@@ -212,9 +212,9 @@ fn watched(design: &Design, case: &Case, watch: f64, options: &Options, survey: 
 }
 
 /// Runs the design with the faults of a case, and judges the filter.
-fn outcome(design: &Design, case: &Case, watch: f64, options: &Options, survey: &Survey) -> Result<Outcome, Diagnostics> {
+fn outcome(design: &Design, case: &Case, watch: f64, options: &Options, survey: &Survey) -> Result<CaseOutcome, Diagnostics> {
     let (watch, names, stopped) = disturbed(design, case, watch, options, survey)?;
-    Ok(Outcome {
+    Ok(CaseOutcome {
         stopped,
         ..watch.finish(case.to, &names)
     })
@@ -261,19 +261,19 @@ mod tests {
 
     #[test]
     fn a_filter_that_hears_nothing_any_more_has_no_clock_and_did_not_fail() {
-        let row = |hears_nothing, unsaid| Row {
+        let row = |hears_nothing, unsaid| CaseResult {
             case: Case {
                 recovery: 30.0,
                 ..Case::undisturbed(Time::default())
             },
-            outcome: Outcome {
+            outcome: CaseOutcome {
                 hears_nothing,
                 unsaid,
-                ..Outcome::default()
+                ..CaseOutcome::default()
             },
         };
-        assert_eq!(row(true, 37.5).verdict(), Some(Verdict::NoClock));
-        assert_eq!(row(false, 37.5).verdict(), Some(Verdict::Failed));
+        assert_eq!(row(true, 37.5).verdict(), Some(CaseVerdict::NoClock));
+        assert_eq!(row(false, 37.5).verdict(), Some(CaseVerdict::Failed));
         // A fault at the end of the log, with no rows after it.
         assert_eq!(row(true, 0.0).verdict(), None);
     }

@@ -1,7 +1,7 @@
 //! stress.csv and draw.csv.
 
 use super::draw::Drawn;
-use super::{Outcome, Stress, Verdict};
+use super::{CaseOutcome, CaseVerdict, Stress};
 use fusion::output::Cells;
 use std::io::{self, Write};
 
@@ -42,7 +42,7 @@ impl Stress {
             cells.put(format_args!("{:.6}", case.from.seconds()))?;
             cells.put(format_args!("{:.6}", case.to.seconds()))?;
             outcome.write(&mut cells)?;
-            cells.text(row.verdict().map_or("", Verdict::word))?;
+            cells.text(row.verdict().map_or("", CaseVerdict::word))?;
             cells.text(outcome.stopped.as_deref().unwrap_or_default())?;
             cells.text(&case.sets.join("\n"))?;
             cells.end()?;
@@ -96,7 +96,7 @@ impl Drawn {
     }
 }
 
-impl Outcome {
+impl CaseOutcome {
     fn write(&self, cells: &mut Cells<impl Write>) -> io::Result<()> {
         cells.put(self.survived)?;
         cells.maybe(self.worst.map(|(ratio, _)| ratio))?;

@@ -17,7 +17,7 @@ pub(super) const WRONG: f64 = 3.0;
 
 /// The outcome for a filter under a fault.
 #[derive(Clone, Debug, Default)]
-pub struct Outcome {
+pub struct CaseOutcome {
     /// Whether it gives an estimate and is right at the end of the watch.
     pub survived: bool,
     /// The largest error that the fault caused, in σ, and its quantity.
@@ -172,9 +172,9 @@ impl<'a> Watch<'a> {
     }
 
     /// The outcome for the filter.
-    pub(super) fn finish(mut self, to: Time, names: &Names) -> Outcome {
+    pub(super) fn finish(mut self, to: Time, names: &Names) -> CaseOutcome {
         self.close();
-        let mut out = Outcome::default();
+        let mut out = CaseOutcome::default();
         let (mut previous, mut last_wrong, mut ends_wrong) = (self.from, None, false);
         for Sample { time, errors } in &self.samples {
             let lasted = time.seconds_since(previous).max(0.0);

@@ -1,6 +1,6 @@
 //! A wrong clock.
 
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows, all_columns};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows, all_columns};
 use crate::block::BuildError;
 use crate::units::Duration;
 use core::ops::Range;
@@ -62,11 +62,11 @@ impl Fault for ClockJump {
         self.columns.clone()
     }
 
-    fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, _: &mut [f64]) -> RowOutcome {
         if self.window.contains(time) {
-            Outcome::Restamped { by: self.by }
+            RowOutcome::Restamped { by: self.by }
         } else {
-            Outcome::Untouched
+            RowOutcome::Untouched
         }
     }
 }
@@ -80,9 +80,9 @@ mod tests {
     fn stamps_are_wrong_during_the_window_and_numbers_are_right() {
         let mut fault = build::<ClockJumpSpec>("by = '-1 min'\nwindow = { from = 3, to = 5 }", 1).unwrap();
         let mut row = ROW;
-        let seen: Vec<Outcome> = (2..6).map(|k| fault.apply(Time::from_seconds(f64::from(k)), &mut row)).collect();
-        let back = Outcome::Restamped { by: -60_000_000_000 };
-        assert_eq!(seen, [Outcome::Untouched, back, back, Outcome::Untouched]);
+        let seen: Vec<RowOutcome> = (2..6).map(|k| fault.apply(Time::from_seconds(f64::from(k)), &mut row)).collect();
+        let back = RowOutcome::Restamped { by: -60_000_000_000 };
+        assert_eq!(seen, [RowOutcome::Untouched, back, back, RowOutcome::Untouched]);
         assert_eq!((row, fault.columns()), (ROW, 0..ROW.len()));
     }
 

@@ -1,7 +1,7 @@
 //! Rows that arrive more than once.
 
 use super::random::strikes;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use crate::units::Probability;
 use core::num::NonZeroU32;
@@ -63,11 +63,11 @@ impl Fault for Duplicate {
         0..0
     }
 
-    fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, _: &mut [f64]) -> RowOutcome {
         if self.window.contains(time) && strikes(self.seed, time, self.rate) {
-            Outcome::Repeated { copies: self.copies }
+            RowOutcome::Repeated { copies: self.copies }
         } else {
-            Outcome::Untouched
+            RowOutcome::Untouched
         }
     }
 }
@@ -80,11 +80,11 @@ mod tests {
     #[test]
     fn rows_of_the_window_are_repeated_as_often_as_declared() {
         let mut fault = build::<DuplicateSpec>("copies = 3\nwindow = { from = 2, to = 4 }", 1).unwrap();
-        let seen: Vec<Outcome> = (1..5)
+        let seen: Vec<RowOutcome> = (1..5)
             .map(|k| fault.apply(Time::from_seconds(f64::from(k)), &mut ROW.clone()))
             .collect();
-        let thrice = Outcome::Repeated { copies: 3 };
-        assert_eq!(seen, [Outcome::Untouched, thrice, thrice, Outcome::Untouched]);
+        let thrice = RowOutcome::Repeated { copies: 3 };
+        assert_eq!(seen, [RowOutcome::Untouched, thrice, thrice, RowOutcome::Untouched]);
         assert!(build::<DuplicateSpec>("copies = 0", 1).is_err());
     }
 }

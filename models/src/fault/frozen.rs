@@ -1,7 +1,7 @@
 //! A sensor that repeats its last value.
 
 use super::target::Target;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use core::ops::Range;
 use fusion_core::time::Time;
@@ -54,21 +54,21 @@ impl Fault for Frozen {
         self.columns.clone()
     }
 
-    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> RowOutcome {
         let value = &mut row[self.columns.clone()];
         match &mut self.last {
             Some(last) if self.window.contains(time) => {
                 value.copy_from_slice(last);
-                Outcome::Disturbed
+                RowOutcome::Disturbed
             }
             // A log that begins frozen repeats its first value.
             Some(last) => {
                 last.copy_from_slice(value);
-                Outcome::Untouched
+                RowOutcome::Untouched
             }
             None => {
                 self.last = Some(value.to_vec());
-                Outcome::Untouched
+                RowOutcome::Untouched
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Rows that arrive after newer ones.
 
 use super::random::strikes;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use crate::units::{Positive, Probability, dim};
 use core::ops::Range;
@@ -65,11 +65,11 @@ impl Fault for Late {
         0..0
     }
 
-    fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, _: &mut [f64]) -> RowOutcome {
         if self.window.contains(time) && strikes(self.seed, time, self.rate) {
-            Outcome::Delayed { by: self.by }
+            RowOutcome::Delayed { by: self.by }
         } else {
-            Outcome::Untouched
+            RowOutcome::Untouched
         }
     }
 }
@@ -84,7 +84,7 @@ mod tests {
         let late = |text: &str| {
             let mut fault = build::<LateSpec>(text, 7).unwrap();
             let mut is_late =
-                |k: i64| fault.apply(Time::from_nanos(k * 10_000_000), &mut ROW.clone()) == Outcome::Delayed { by: 300_000_000 };
+                |k: i64| fault.apply(Time::from_nanos(k * 10_000_000), &mut ROW.clone()) == RowOutcome::Delayed { by: 300_000_000 };
             (0..10_000).filter(|k| is_late(*k)).count()
         };
         // 2500 ± 43 (1σ of the binomial): 5σ.

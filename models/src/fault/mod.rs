@@ -65,7 +65,7 @@ pub struct ProvidedChannel {
 
 /// The outcome of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub enum RowOutcome {
     /// It is unchanged.
     Untouched,
     /// Its numbers were changed.
@@ -96,7 +96,7 @@ pub trait Fault: Debug + Send {
     fn columns(&self) -> Range<usize>;
 
     /// Sees the next row; `time` is the stamp that the source gave it.
-    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome;
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> RowOutcome;
 }
 
 /// All numbers of a row.

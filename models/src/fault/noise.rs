@@ -2,7 +2,7 @@
 
 use super::random::generator;
 use super::target::Target;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use crate::units::{PerAxis, range};
 use core::ops::Range;
@@ -71,16 +71,16 @@ impl Fault for Noise {
         self.target.columns()
     }
 
-    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> RowOutcome {
         if !self.window.contains(time) {
-            return Outcome::Untouched;
+            return RowOutcome::Untouched;
         }
         let mut random = generator(self.seed, time);
         for (by, sigma) in self.by.iter_mut().zip(&self.sigma) {
             *by = sigma * random.sample::<f64, _>(StandardNormal);
         }
         self.target.displace(row, &self.by);
-        Outcome::Disturbed
+        RowOutcome::Disturbed
     }
 }
 
@@ -102,7 +102,7 @@ mod tests {
         const N: i64 = 4000;
         for k in 0..N {
             let mut row = ROW;
-            assert_eq!(noise.apply(Time::from_nanos(k * 1_000_000), &mut row), Outcome::Disturbed);
+            assert_eq!(noise.apply(Time::from_nanos(k * 1_000_000), &mut row), RowOutcome::Disturbed);
             assert_eq!(row[3..], ROW[3..]);
             let d = Geodetic {
                 lat: row[0],

@@ -1,7 +1,7 @@
 //! Rows that arrive without numbers.
 
 use super::target::Target;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use core::ops::Range;
 use fusion_core::time::Time;
@@ -52,12 +52,12 @@ impl Fault for NotANumber {
         self.columns.clone()
     }
 
-    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> RowOutcome {
         if !self.window.contains(time) {
-            return Outcome::Untouched;
+            return RowOutcome::Untouched;
         }
         row[self.columns.clone()].fill(f64::NAN);
-        Outcome::Disturbed
+        RowOutcome::Disturbed
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::random::generator;
 use super::target::Target;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use crate::units::{Axes, PerAxis, dim, range};
 use core::f64::consts::TAU;
@@ -92,15 +92,15 @@ impl Fault for Oscillation {
         self.target.columns()
     }
 
-    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> RowOutcome {
         if !self.window.contains(time) {
-            return Outcome::Untouched;
+            return RowOutcome::Untouched;
         }
         for (by, sine) in self.by.iter_mut().zip(&self.sines) {
             *by = sine.amplitude * math::sin(sine.rate * time.seconds() + sine.phase);
         }
         self.target.displace(row, &self.by);
-        Outcome::Disturbed
+        RowOutcome::Disturbed
     }
 }
 
@@ -116,7 +116,7 @@ mod tests {
         let mut series = Vec::new();
         for k in 0..10_000 {
             let mut row = ROW;
-            assert_eq!(fault.apply(Time::from_nanos(k * 1_000_000), &mut row), Outcome::Disturbed);
+            assert_eq!(fault.apply(Time::from_nanos(k * 1_000_000), &mut row), RowOutcome::Disturbed);
             let columns = fault.columns();
             series.push(row[columns.start] - ROW[columns.start]);
         }

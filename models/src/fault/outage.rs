@@ -1,7 +1,7 @@
 //! Rows that never arrive: for a stretch of time, or at random.
 
 use super::random::strikes;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use crate::units::Probability;
 use core::ops::Range;
@@ -53,11 +53,11 @@ impl Fault for Outage {
         0..0
     }
 
-    fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, _: &mut [f64]) -> RowOutcome {
         if self.window.contains(time) {
-            Outcome::Withheld
+            RowOutcome::Withheld
         } else {
-            Outcome::Untouched
+            RowOutcome::Untouched
         }
     }
 }
@@ -109,9 +109,9 @@ impl Fault for Drop {
         0..0
     }
 
-    fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, _: &mut [f64]) -> RowOutcome {
         let is_lost = self.window.contains(time) && strikes(self.seed, time, self.rate);
-        if is_lost { Outcome::Withheld } else { Outcome::Untouched }
+        if is_lost { RowOutcome::Withheld } else { RowOutcome::Untouched }
     }
 }
 
@@ -125,7 +125,7 @@ mod tests {
         let mut outage = build::<OutageSpec>("window = { from = 10, to = 20 }", 1).unwrap();
         let mut gone = Vec::new();
         for s in 0..30 {
-            if outage.apply(Time::from_seconds(f64::from(s)), &mut ROW.clone()) == Outcome::Withheld {
+            if outage.apply(Time::from_seconds(f64::from(s)), &mut ROW.clone()) == RowOutcome::Withheld {
                 gone.push(s);
             }
         }
@@ -138,7 +138,7 @@ mod tests {
             let mut drop = build::<DropSpec>("rate = '20 %'", 7).unwrap();
             let stamp = |k: i64| Time::from_nanos(k * 10_000_000);
             (first..10_000)
-                .filter(|k| drop.apply(stamp(*k), &mut ROW.clone()) == Outcome::Withheld)
+                .filter(|k| drop.apply(stamp(*k), &mut ROW.clone()) == RowOutcome::Withheld)
                 .collect()
         };
         let all = lost(0);

@@ -2,7 +2,7 @@
 
 use super::random::generator;
 use super::target::Target;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use crate::units::{AnyQuantity, PerAxis, Probability, range};
 use core::ops::Range;
@@ -88,16 +88,16 @@ impl Fault for Outliers {
         self.target.columns()
     }
 
-    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> RowOutcome {
         let mut random = generator(self.seed, time);
         if !self.window.contains(time) || random.random::<f64>() >= self.rate {
-            return Outcome::Untouched;
+            return RowOutcome::Untouched;
         }
         let size = self.least + (self.greatest - self.least) * random.random::<f64>();
         direction(&mut random, &mut self.by);
         self.by.iter_mut().for_each(|x| *x *= size);
         self.target.displace(row, &self.by);
-        Outcome::Disturbed
+        RowOutcome::Disturbed
     }
 }
 
@@ -130,7 +130,7 @@ mod tests {
         let mut fault = build::<OutliersSpec>(&format!("channel = '{channel}'\nrate = 0.25\nsize = {size}"), 5).unwrap();
         let mut one = |k: i64| {
             let mut row = ROW;
-            (fault.apply(Time::from_nanos(k * 250_000_000), &mut row) == Outcome::Disturbed).then_some(row)
+            (fault.apply(Time::from_nanos(k * 250_000_000), &mut row) == RowOutcome::Disturbed).then_some(row)
         };
         (0..N).filter_map(&mut one).collect()
     }

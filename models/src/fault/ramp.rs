@@ -1,7 +1,7 @@
 //! An offset that grows steadily: a drifting instrument, a receiver that is led away slowly.
 
 use super::target::Target;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use crate::units::{Dimensional, PerAxis, dim, range};
 use core::ops::Range;
@@ -77,15 +77,15 @@ impl Fault for Ramp {
         self.target.columns()
     }
 
-    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> RowOutcome {
         // At the first instant the offset is still zero.
         let grown = self.window.containing(time).map_or(0.0, |w| time.seconds_since(w.from));
         if grown <= 0.0 {
-            return Outcome::Untouched;
+            return RowOutcome::Untouched;
         }
         self.by.iter_mut().zip(&self.rate).for_each(|(by, rate)| *by = rate * grown);
         self.target.displace(row, &self.by);
-        Outcome::Disturbed
+        RowOutcome::Disturbed
     }
 }
 
@@ -99,7 +99,7 @@ mod tests {
         let mut one = |k: u8| {
             let mut row = ROW;
             let outcome = ramp.apply(Time::from_seconds(f64::from(k)), &mut row);
-            assert_eq!(outcome == Outcome::Disturbed, row != ROW, "{k} s");
+            assert_eq!(outcome == RowOutcome::Disturbed, row != ROW, "{k} s");
             row[2] - ROW[2]
         };
         (0..9).map(&mut one).collect()

@@ -1,7 +1,7 @@
 //! A wrong scale factor, or a wrong sign.
 
 use super::target::Target;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use crate::units::{Dimension, PerAxis, range};
 use core::ops::Range;
@@ -68,15 +68,15 @@ impl Fault for Scale {
         self.target.columns()
     }
 
-    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> RowOutcome {
         if !self.window.contains(time) {
-            return Outcome::Untouched;
+            return RowOutcome::Untouched;
         }
         // A zero has neither scale nor sign.
         if self.target.stretch(row, &self.factor) {
-            Outcome::Disturbed
+            RowOutcome::Disturbed
         } else {
-            Outcome::Untouched
+            RowOutcome::Untouched
         }
     }
 }
@@ -95,12 +95,12 @@ mod tests {
             assert_eq!((&row[..3], &row[6..]), (&ROW[..3], &ROW[6..]));
             (outcome, [row[3], row[4], row[5]])
         };
-        assert_eq!(after(4.9), (Outcome::Untouched, [1.0, 2.0, 3.0]));
-        assert_eq!(after(5.0), (Outcome::Disturbed, [2.0, 2.0, -3.0]));
-        assert_eq!(after(6.0), (Outcome::Untouched, [1.0, 2.0, 3.0]));
+        assert_eq!(after(4.9), (RowOutcome::Untouched, [1.0, 2.0, 3.0]));
+        assert_eq!(after(5.0), (RowOutcome::Disturbed, [2.0, 2.0, -3.0]));
+        assert_eq!(after(6.0), (RowOutcome::Untouched, [1.0, 2.0, 3.0]));
         let mut still = ROW;
         still[3..6].fill(0.0);
-        assert_eq!(fault.apply(Time::from_seconds(5.5), &mut still), Outcome::Untouched);
+        assert_eq!(fault.apply(Time::from_seconds(5.5), &mut still), RowOutcome::Untouched);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! A constant offset, from an instant on or for a while.
 
 use super::target::Target;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use crate::units::{Duration, PerAxis, range};
 use core::ops::Range;
@@ -107,12 +107,12 @@ impl Fault for Shift {
         self.target.columns()
     }
 
-    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> RowOutcome {
         if !self.window.contains(time) {
-            return Outcome::Untouched;
+            return RowOutcome::Untouched;
         }
         self.target.displace(row, &self.by);
-        Outcome::Disturbed
+        RowOutcome::Disturbed
     }
 }
 

@@ -1,7 +1,7 @@
 //! Two numbers of a channel that have changed places.
 
 use super::target::Target;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::{BuildError, Shape};
 use core::ops::Range;
 use fusion_core::time::Time;
@@ -75,14 +75,14 @@ impl Fault for Swap {
         self.columns.clone()
     }
 
-    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> RowOutcome {
         let [a, b] = self.at;
         // Equal ones look the same in either place.
         if !self.window.contains(time) || row[a] == row[b] {
-            return Outcome::Untouched;
+            return RowOutcome::Untouched;
         }
         row.swap(a, b);
-        Outcome::Disturbed
+        RowOutcome::Disturbed
     }
 }
 
@@ -100,12 +100,12 @@ mod tests {
             assert_eq!((&row[..3], &row[6..]), (&ROW[..3], &ROW[6..]));
             (outcome, [row[3], row[4], row[5]])
         };
-        assert_eq!(after(4.9), (Outcome::Untouched, [1.0, 2.0, 3.0]));
-        assert_eq!(after(5.0), (Outcome::Disturbed, [3.0, 2.0, 1.0]));
-        assert_eq!(after(6.0), (Outcome::Untouched, [1.0, 2.0, 3.0]));
+        assert_eq!(after(4.9), (RowOutcome::Untouched, [1.0, 2.0, 3.0]));
+        assert_eq!(after(5.0), (RowOutcome::Disturbed, [3.0, 2.0, 1.0]));
+        assert_eq!(after(6.0), (RowOutcome::Untouched, [1.0, 2.0, 3.0]));
         let mut equal = ROW;
         equal[5] = equal[3];
-        assert_eq!(fault.apply(Time::from_seconds(5.5), &mut equal), Outcome::Untouched);
+        assert_eq!(fault.apply(Time::from_seconds(5.5), &mut equal), RowOutcome::Untouched);
     }
 
     #[test]

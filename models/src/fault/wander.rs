@@ -2,7 +2,7 @@
 
 use super::random::generator;
 use super::target::Target;
-use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
 use crate::units::{PerAxis, Positive, dim, range};
 use core::ops::Range;
@@ -80,9 +80,9 @@ impl Fault for Wander {
         self.target.columns()
     }
 
-    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> RowOutcome {
         if !self.window.contains(time) {
-            return Outcome::Untouched;
+            return RowOutcome::Untouched;
         }
         let knot = time.nanos().div_euclid(self.apart);
         let share = time.nanos().rem_euclid(self.apart) as f64 / self.apart as f64;
@@ -94,7 +94,7 @@ impl Fault for Wander {
             *by = sigma * (from * a.sample::<f64, _>(StandardNormal) + to * b.sample::<f64, _>(StandardNormal));
         }
         self.target.displace(row, &self.by);
-        Outcome::Disturbed
+        RowOutcome::Disturbed
     }
 }
 

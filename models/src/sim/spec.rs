@@ -13,7 +13,7 @@ use super::tracks::TrackSpeedsSpec;
 use super::trajectory::Trajectory;
 use super::vehicle::VehicleSpec;
 use super::world::{OpenLoop, Plane, World};
-use crate::block::{BuildError, Channel, Nested};
+use crate::block::{BuildError, Channel, NestedBlock};
 use crate::earth::Gravity;
 use crate::registry::{self, Role};
 use crate::units::{NonNegative, Positive, Quantity, Vec3Of, dim};
@@ -74,11 +74,11 @@ pub struct SimulationSpec {
     /// A vehicle that is controlled by the filter's own estimate, in place of a trajectory.
     #[schemars(schema_with = "vehicle_schema")]
     #[serde(default)]
-    pub vehicle: Option<Nested<dyn VehicleSpec>>,
+    pub vehicle: Option<NestedBlock<dyn VehicleSpec>>,
     /// Its controller.
     #[schemars(schema_with = "control_schema")]
     #[serde(default)]
-    pub control: Option<Nested<dyn ControlSpec>>,
+    pub control: Option<NestedBlock<dyn ControlSpec>>,
     /// The vehicle's tasks, in order; the run ends with the last task.
     #[schemars(schema_with = "mission_schema")]
     #[serde(default, deserialize_with = "crate::block::nested")]

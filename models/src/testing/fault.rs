@@ -1,6 +1,6 @@
 //! Laws of faults, on a source of position, velocity, heading and attitude.
 
-use crate::fault::{Fault, FaultContext, FaultSpec, Outcome, ProvidedChannel};
+use crate::fault::{Fault, FaultContext, FaultSpec, ProvidedChannel, RowOutcome};
 use crate::registry::Registration;
 use crate::vocabulary::channel;
 use fusion_core::time::Time;
@@ -37,8 +37,8 @@ pub(super) fn check(r: &Registration) -> Result<(), String> {
         if applied(again.as_mut(), time, k)? != (row.clone(), outcome) {
             return Err(format!("row {k}: the same seed gives another disturbance"));
         }
-        seen |= outcome != Outcome::Untouched;
-        let is_wrong = matches!(outcome, Outcome::Disturbed | Outcome::Restamped { .. });
+        seen |= outcome != RowOutcome::Untouched;
+        let is_wrong = matches!(outcome, RowOutcome::Disturbed | RowOutcome::Restamped { .. });
         if is_wrong && fault.columns().is_empty() {
             return Err(format!("row {k}: it says {outcome:?} and names no numbers that are wrong"));
         }
@@ -51,7 +51,7 @@ pub(super) fn check(r: &Registration) -> Result<(), String> {
 }
 
 /// The bits of row `k` after the fault, and the outcome that the fault reports.
-fn applied(fault: &mut dyn Fault, time: Time, k: u32) -> Result<(Vec<u64>, Outcome), String> {
+fn applied(fault: &mut dyn Fault, time: Time, k: u32) -> Result<(Vec<u64>, RowOutcome), String> {
     let clean = [0.7, -1.4, 200.0, 1.0, 2.0, 3.0, 0.5, 1.0, 0.0, 0.0, 0.0].map(|x| x + 1e-3 * f64::from(k));
     let (mut row, columns) = (clean, fault.columns());
     let outcome = fault.apply(time, &mut row);
@@ -59,7 +59,7 @@ fn applied(fault: &mut dyn Fault, time: Time, k: u32) -> Result<(Vec<u64>, Outco
     if let Some(other) = changed.iter().find(|i| !columns.contains(i)) {
         return Err(format!("row {k}: it changes number {other} and names {columns:?}"));
     }
-    if changed.is_empty() == (outcome == Outcome::Disturbed) {
+    if changed.is_empty() == (outcome == RowOutcome::Disturbed) {
         return Err(format!("row {k}: it changes the numbers {changed:?} and says {outcome:?}"));
     }
     if row.iter().any(|v| !v.is_finite()) && !row[columns].iter().all(|v| v.is_nan()) {
@@ -67,7 +67,7 @@ fn applied(fault: &mut dyn Fault, time: Time, k: u32) -> Result<(Vec<u64>, Outco
     }
     if matches!(
         outcome,
-        Outcome::Restamped { by: 0 } | Outcome::Repeated { copies: 0 } | Outcome::Delayed { by: ..=0 }
+        RowOutcome::Restamped { by: 0 } | RowOutcome::Repeated { copies: 0 } | RowOutcome::Delayed { by: ..=0 }
     ) {
         return Err(format!("row {k}: {outcome:?} is nothing"));
     }

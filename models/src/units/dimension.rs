@@ -56,9 +56,9 @@ impl Dimension {
 
     /// The name of a quantity of this dimension, for messages.
     #[must_use]
-    pub fn kind(self) -> Kind {
+    pub fn kind(self) -> QuantityKind {
         let named = super::quantity::KINDS.iter().find(|kind| kind.dimension == self);
-        named.copied().unwrap_or(Kind {
+        named.copied().unwrap_or(QuantityKind {
             dimension: self,
             name: "a quantity",
             symbol: "",
@@ -110,7 +110,7 @@ fn write_power(f: &mut fmt::Formatter<'_>, separator: &str, base: &str, halves: 
 
 /// A dimension with its words in error messages and schemas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Kind {
+pub struct QuantityKind {
     /// The dimension that these words describe.
     pub dimension: Dimension,
     /// With its article: `a length`.
@@ -122,7 +122,7 @@ pub struct Kind {
 }
 
 /// `a length [m]`.
-impl fmt::Display for Kind {
+impl fmt::Display for QuantityKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.symbol {
             "" => write!(f, "{} [{}]", self.name, self.dimension),

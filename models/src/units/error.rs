@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::catalogue;
-use super::dimension::{Dimension, Kind};
+use super::dimension::{Dimension, QuantityKind};
 
 /// A quantity or a unit that cannot be read, or is not the required one.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,14 +37,14 @@ pub enum UnitError {
         /// Its dimension.
         found: Dimension,
         /// The required dimension.
-        wanted: Kind,
+        wanted: QuantityKind,
     },
     /// The value is outside the allowed range.
     OutOfRange {
         /// The written text.
         text: String,
         /// The dimension, which is correct.
-        wanted: Kind,
+        wanted: QuantityKind,
         /// The range, as in `greater than 0`.
         range: &'static str,
         /// The text that was probably meant.
@@ -55,14 +55,14 @@ pub enum UnitError {
         /// The error.
         why: Box<UnitError>,
         /// The required dimension.
-        wanted: Kind,
+        wanted: QuantityKind,
     },
     /// There are more or fewer quantities than axes.
     Count {
         /// The number of written quantities.
         given: usize,
         /// The kind of quantity of each axis.
-        axes: Vec<Kind>,
+        axes: Vec<QuantityKind>,
         /// True if one quantity would be valid for all axes.
         or_one: bool,
     },
@@ -157,19 +157,19 @@ fn write_meant(f: &mut fmt::Formatter<'_>, known: Option<&str>) -> fmt::Result {
     known.map_or(Ok(()), |known| write!(f, "; did you mean `{known}`?"))
 }
 
-fn write_example(f: &mut fmt::Formatter<'_>, wanted: &Kind) -> fmt::Result {
+fn write_example(f: &mut fmt::Formatter<'_>, wanted: &QuantityKind) -> fmt::Result {
     write!(f, ", e.g. {:?}", example(wanted))
 }
 
 /// A valid example; one tenth of the SI unit if the dimension has no name.
-fn example(wanted: &Kind) -> String {
+fn example(wanted: &QuantityKind) -> String {
     match wanted.example {
         "" => format!("0.1 {}", wanted.dimension),
         example => example.to_owned(),
     }
 }
 
-fn write_count(f: &mut fmt::Formatter<'_>, given: usize, axes: &[Kind], or_one: bool) -> fmt::Result {
+fn write_count(f: &mut fmt::Formatter<'_>, given: usize, axes: &[QuantityKind], or_one: bool) -> fmt::Result {
     let examples: Vec<String> = axes.iter().map(|axis| format!("{:?}", example(axis))).collect();
     let examples = examples.join(", ");
     match (axes, or_one) {

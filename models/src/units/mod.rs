@@ -32,7 +32,7 @@ mod written;
 
 pub use any::AnyQuantity;
 pub use catalogue::{STANDARD_GRAVITY, by_letter};
-pub use dimension::{Dimension, Kind};
+pub use dimension::{Dimension, QuantityKind};
 pub use error::UnitError;
 pub use expression::{parse, parse_unit};
 pub use per_axis::{Axes, PerAxis, Vec3Of};

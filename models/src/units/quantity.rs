@@ -8,7 +8,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Deserialize, Deserializer};
 use serde::ser::{Serialize, Serializer};
 
-use super::dimension::{Dimension, Kind};
+use super::dimension::{Dimension, QuantityKind};
 use super::error::UnitError;
 use super::expression::parse;
 use super::written::{Written, deserialize_written};
@@ -16,7 +16,7 @@ use super::written::{Written, deserialize_written};
 /// A dimension as a type: the markers in [`dim`].
 pub trait Dimensional: Copy + Send + Sync + 'static {
     /// The dimension and its words.
-    const KIND: Kind;
+    const KIND: QuantityKind;
     /// The name of the marker, for schemas.
     const NAME: &'static str;
 }
@@ -38,7 +38,7 @@ pub trait Range: Copy + Send + Sync + 'static {
 }
 
 /// `si` if it is finite and within `R`; `text` is its written form, `None` for a bare number.
-pub(super) fn within<R: Range>(si: f64, text: Option<&str>, wanted: Kind) -> Result<f64, UnitError> {
+pub(super) fn within<R: Range>(si: f64, text: Option<&str>, wanted: QuantityKind) -> Result<f64, UnitError> {
     let written = || text.map_or_else(|| si.to_string(), str::to_owned);
     if !si.is_finite() {
         Err(UnitError::Expected {
@@ -215,7 +215,7 @@ impl<D: Dimensional, R: Range> JsonSchema for Quantity<D, R> {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let Kind { name, symbol, example, .. } = D::KIND;
+        let QuantityKind { name, symbol, example, .. } = D::KIND;
         let condition = R::CONDITION;
         let space = if condition.is_empty() { "" } else { " " };
         let mut schema = json_schema!({
@@ -325,14 +325,14 @@ macro_rules! dimensions {
     ($($(#[$doc:meta])* $Name:ident $halves:tt $name:literal [$symbol:literal] $example:literal)*) => {
         /// The dimensions as types, for [`Quantity`] and related types: `Positive<dim::Length>`.
         pub mod dim {
-            use super::{Dimension, Dimensional, Kind};
+            use super::{Dimension, Dimensional, QuantityKind};
             $(
                 $(#[$doc])*
                 #[derive(Clone, Copy, Debug)]
                 pub enum $Name {}
 
                 impl Dimensional for $Name {
-                    const KIND: Kind = Kind {
+                    const KIND: QuantityKind = QuantityKind {
                         dimension: Dimension::from_halves($halves),
                         name: $name,
                         symbol: $symbol,
@@ -345,7 +345,7 @@ macro_rules! dimensions {
         $($(#[$doc])* pub type $Name = Quantity<dim::$Name>;)*
 
         /// Every dimension that has a name; of equal dimensions, the first gives the name.
-        pub(super) static KINDS: &[Kind] = &[$(<dim::$Name as Dimensional>::KIND),*];
+        pub(super) static KINDS: &[QuantityKind] = &[$(<dim::$Name as Dimensional>::KIND),*];
     };
 }
 

@@ -3,7 +3,7 @@
 use super::super::stamps::{Common, Delay};
 use super::*;
 use fusion::health::FilterHealth;
-use fusion::score::{Course, Offset, Spread, Spreads};
+use fusion::score::{Course, LengthSpread, Offset, Spreads};
 
 #[test]
 fn a_heading_that_is_wrong_by_a_constant_is_told_before_what_follows_from_it() {
@@ -41,7 +41,7 @@ fn a_heading_that_is_wrong_beyond_doubt_is_told_whatever_the_reference_knows_of_
             }),
             heading_rmse_deg: Some(rms),
             spread: Spreads {
-                heading_deg: Some(Spread { median: rms, p95: rms }),
+                heading_deg: Some(LengthSpread { median: rms, p95: rms }),
                 ..Spreads::default()
             },
             ..Score::default()

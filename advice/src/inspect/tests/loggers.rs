@@ -14,7 +14,7 @@ pub(super) fn log(name: &str, text: &str) -> Log {
     std::fs::create_dir_all(&folder).unwrap();
     let path = folder.join(name);
     std::fs::write(&path, text).unwrap();
-    let mut table = Table::read(&path).unwrap();
+    let mut table = LogTable::read(&path).unwrap();
     std::fs::remove_dir_all(folder).unwrap();
     table.path = name.into();
     Log::of(table)

@@ -4,7 +4,7 @@ use super::super::signal::reported_by_name;
 use super::*;
 
 /// The fixes of [`fixes`] with a scatter of `size` \[m/s\], and columns that report the 1σ of their velocities.
-fn reporting(size: f64, columns: &[(&'static str, &dyn Fn(f64) -> f64)]) -> Table {
+fn reporting(size: f64, columns: &[(&'static str, &dyn Fn(f64) -> f64)]) -> LogTable {
     let mut all = fixes(1.0);
     all.path = "gnss.csv".into();
     for (k, seed) in [(4, 20.0), (5, 21.0)] {
@@ -16,7 +16,7 @@ fn reporting(size: f64, columns: &[(&'static str, &dyn Fn(f64) -> f64)]) -> Tabl
     all
 }
 
-fn design(fixes: Table) -> String {
+fn design(fixes: LogTable) -> String {
     let mut shaken = unit();
     shaken.path = "imu.csv".into();
     Inspection::look(vec![Log::of(shaken), Log::of(fixes)])

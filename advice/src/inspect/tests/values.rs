@@ -3,7 +3,7 @@
 use super::*;
 
 /// Twenty-five seconds of a foot at 100 Hz: at rest for two, turned slowly for one, then swung.
-fn stepping() -> Table {
+fn stepping() -> LogTable {
     let size = |t: f64| if t < 3.0 { 0.02 } else { 3.0 };
     // 3 deg/s: faster than at rest, with the vibration of a rest.
     let slow = |t: f64| if (2.0..3.0).contains(&t) { 3.0 } else { 0.0 };
@@ -163,7 +163,7 @@ fn withheld_velocities_have_the_error_of_their_scatter() {
     fast.columns[0].values.iter_mut().for_each(|t| *t *= 0.2);
     let mut unit = unit();
     unit.path = "imu.csv".into();
-    let design = |fast: Table| {
+    let design = |fast: LogTable| {
         let looked = Inspection::look(vec![Log::of(unit.clone()), Log::of(fast)]);
         (
             looked.position.as_ref().unwrap().1.velocity_scatter,

@@ -4,7 +4,7 @@ use super::*;
 
 /// Ten minutes in circles at 2 m/s, with fixes and their velocity once a second, and a sensor with `body`. The water
 /// flows with `c`.
-fn circling(c: [f64; 2], body: Table) -> Inspection {
+fn circling(c: [f64; 2], body: LogTable) -> Inspection {
     let (radius, rate) = (2.0 / 0.03, 0.03);
     let north = move |t: f64| radius * (rate * t).sin() + c[0] * t;
     let east = move |t: f64| radius * (1.0 - (rate * t).cos()) + c[1] * t;
@@ -41,7 +41,7 @@ fn circling(c: [f64; 2], body: Table) -> Inspection {
 }
 
 /// Three axes of a log in a file of this name.
-fn three_axes(file: &str) -> Table {
+fn three_axes(file: &str) -> LogTable {
     let mut log = table(
         &[
             ("t", &|t| t),

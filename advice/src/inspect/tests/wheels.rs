@@ -28,8 +28,8 @@ fn robot(unit: &str, per_unit: f64) -> Inspection {
         1.0,
     );
     let logs = [("wheels.csv", wheels), ("gnss.csv", fixes)];
-    let named = |(path, table): (&str, Table)| {
-        Log::of(Table {
+    let named = |(path, table): (&str, LogTable)| {
+        Log::of(LogTable {
             path: path.into(),
             ..table
         })

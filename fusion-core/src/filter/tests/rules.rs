@@ -5,14 +5,14 @@ use crate::state::Quantity;
 use crate::testing::check_update_rule;
 
 /// The sets of sigma points that are tried: the default, a narrow one, one with a weight of the centre.
-const SPREADS: [Spread; 3] = [
-    Spread::DEFAULT,
-    Spread {
+const SPREADS: [SigmaSpread; 3] = [
+    SigmaSpread::DEFAULT,
+    SigmaSpread {
         alpha: 0.01,
         beta: 2.0,
         kappa: 0.0,
     },
-    Spread {
+    SigmaSpread {
         alpha: 1.0,
         beta: 2.0,
         kappa: 3.0,
@@ -23,7 +23,7 @@ fn iterated() -> Arc<dyn UpdateRule> {
     Arc::new(Iterated::DEFAULT)
 }
 
-fn unscented(spread: Spread) -> Arc<dyn UpdateRule> {
+fn unscented(spread: SigmaSpread) -> Arc<dyn UpdateRule> {
     Arc::new(Unscented(spread))
 }
 
@@ -163,7 +163,7 @@ fn sigma_points_see_mean_and_variance_of_a_square() {
     let mut b = LayoutBuilder::new();
     let x = declare::<Scalar>(&mut b, "x", 2.0, &[3_f64.sqrt()], Dynamics::Constant);
     let parts = Parts {
-        update: unscented(Spread::DEFAULT),
+        update: unscented(SigmaSpread::DEFAULT),
         ..Parts::from(Backend::default())
     };
     #[derive(Debug)]
@@ -253,7 +253,7 @@ fn sigma_points_predict_a_linear_process_as_its_transition_does() {
 
 #[test]
 fn an_axis_that_is_known_exactly_has_no_sigma_points_and_does_no_harm() {
-    let (mut f, x) = two(unscented(Spread::DEFAULT), [2.0, 1.0], [1.0, 0.0]);
+    let (mut f, x) = two(unscented(SigmaSpread::DEFAULT), [2.0, 1.0], [1.0, 0.0]);
     let curve = Curve {
         x,
         value: |x, y| x + 5.0 * y,
@@ -299,7 +299,7 @@ fn a_belief_that_grew_before_a_measurement_was_believed_has_new_sigma_points() {
         assert_eq!(f.update(&observed, &mut Believe, &[], &Quadratic).verdict, Verdict::Reacquired);
         (f.belief().x[0], dense(&f)[(0, 0)])
     };
-    let (found, wanted) = (ended(unscented(Spread::DEFAULT)), ended(Arc::new(Single)));
+    let (found, wanted) = (ended(unscented(SigmaSpread::DEFAULT)), ended(Arc::new(Single)));
     // 1e-9 of 100 m: rounding.
     assert!(
         (found.0 - wanted.0).abs() < 1e-7 && (found.1 - wanted.1).abs() < 1e-9,
@@ -326,7 +326,7 @@ impl Process for Thrown {
 
 #[test]
 fn a_prediction_out_of_the_world_changes_nothing_with_sigma_points_either() {
-    for update in [unscented(Spread::DEFAULT), Arc::new(Single) as Arc<dyn UpdateRule>] {
+    for update in [unscented(SigmaSpread::DEFAULT), Arc::new(Single) as Arc<dyn UpdateRule>] {
         let mut b = LayoutBuilder::new();
         let position = declare::<crate::state::Position>(&mut b, "position", nalgebra::Vector3::zeros(), &[1.0; 3], Dynamics::Process);
         let parts = Parts {

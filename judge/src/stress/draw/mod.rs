@@ -170,7 +170,7 @@ impl Draw {
 
 /// A case with what became of the filter.
 #[derive(Clone, Debug)]
-pub struct Row {
+pub struct DrawnResult {
     /// The number by which it is drawn.
     pub number: u64,
     /// The kinds of its faults.
@@ -189,7 +189,7 @@ pub struct Drawn {
     /// The design that was put under stress.
     pub provenance: Provenance,
     /// A row for each case.
-    pub rows: Vec<Row>,
+    pub rows: Vec<DrawnResult>,
     /// The judged errors: `position`, `velocity`, `attitude`.
     pub of: Vec<&'static str>,
     /// Root mean square of each of them in the undisturbed run, in SI units.
@@ -273,12 +273,12 @@ pub fn draw(
     }
     let numbers: Vec<u64> = if alone.is_empty() { (1..=count).collect() } else { alone.to_vec() };
     let (done, total) = (AtomicUsize::new(0), numbers.len());
-    let one = |number: u64| -> Result<Row, Diagnostics> {
+    let one = |number: u64| -> Result<DrawnResult, Diagnostics> {
         let (kinds, case) = lot.case(number);
         let (record, stopped) = watched(design, &case, lot.seconds_left(&case), options, &survey)?;
         let judged = baseline.judge(&record, &case, stopped);
         progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
-        Ok(Row {
+        Ok(DrawnResult {
             number,
             kinds,
             case,
@@ -286,7 +286,7 @@ pub fn draw(
         })
     };
     let pool = super::pool(threads)?;
-    let rows: Result<Vec<Row>, Diagnostics> = pool.install(|| numbers.into_par_iter().map(one).collect());
+    let rows: Result<Vec<DrawnResult>, Diagnostics> = pool.install(|| numbers.into_par_iter().map(one).collect());
     Ok(Drawn {
         description: design.run.description.clone(),
         provenance: Provenance::of(design, Some(seed)),
