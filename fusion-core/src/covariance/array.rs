@@ -36,6 +36,8 @@ pub(super) struct Array<'a> {
     noise: &'a mut [f64],
     /// The noise of axes whose noises are independent of all others.
     diagonal: &'a mut [f64],
+    /// The memory beyond, for `faer`.
+    #[cfg(feature = "faer")]
     pub(super) rest: &'a mut [f64],
 }
 
@@ -47,14 +49,14 @@ impl<'a> Array<'a> {
         3 * n * ld + 3 * ld + n * ld + 2 * ld
     }
 
-    /// An array without columns in `extra`, of which the rest is `rest`.
+    /// An array without columns in `extra`.
     pub(super) fn new(n: usize, kernel: Kernel, extra: &'a mut [f64]) -> Self {
         let ld = padded(n);
         let (columns, extra) = extra.split_at_mut(3 * n * ld);
         let (weights, extra) = extra.split_at_mut(3 * ld);
         let (noise, extra) = extra.split_at_mut(n * ld);
         let (diagonal, extra) = extra.split_at_mut(ld);
-        let (sums, rest) = extra.split_at_mut(ld);
+        let (sums, _rest) = extra.split_at_mut(ld);
         Self {
             kernel,
             ld,
@@ -64,7 +66,8 @@ impl<'a> Array<'a> {
             sums,
             noise,
             diagonal,
-            rest,
+            #[cfg(feature = "faer")]
+            rest: _rest,
         }
     }
 

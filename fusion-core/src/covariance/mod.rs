@@ -10,6 +10,7 @@
 
 mod array;
 mod dense;
+#[cfg(feature = "faer")]
 mod faer;
 mod form;
 mod solve;

@@ -3,15 +3,17 @@
 //! Every step is an orthogonal transformation of an array, so P is positive by construction, and S has
 //! half of P's range of exponents: P of condition 1e16 is S of 1e8.
 //!
-//! Prediction   [ΦS | roots of Q] is made triangular by reflections (Householder), on large arrays by
-//!              those of `faer`
+//! Prediction   [ΦS | roots of Q] is made triangular by reflections (Householder); with the feature `faer`, on
+//!              large arrays by those of `faer`
 //! Update       [[R^½, HS], [0, S]] is made triangular by rotations (Givens), row by row of H after R's
 //!              correlations are taken out, in the order that keeps S triangular (Carlson 1973)
 //! Storage      columns of S, see `upper`
 
 use super::array::Array;
+#[cfg(feature = "faer")]
+use super::faer;
 use super::upper;
-use super::{Form, Workspace, faer};
+use super::{Form, Workspace};
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use crate::math;
 use core::mem::MaybeUninit;
@@ -23,7 +25,8 @@ use fusion_kernels::Kernel;
 pub struct SquareRoot {
     /// By how many the states that move, those whose row of Φ is not of the identity, have to exceed
     /// those that do not, for `faer` to make the reflections of the prediction. A state that does not
-    /// move costs the kernel here next to nothing, and `faer` as much as any other.
+    /// move costs the kernel here next to nothing, and `faer` as much as any other. It has no effect
+    /// without the feature `faer`.
     pub faer_from: usize,
 }
 
@@ -48,9 +51,13 @@ impl Form for SquareRoot {
     }
 
     fn workspace(&self, n: usize, m: usize) -> usize {
-        (Array::room(n) + if n >= self.faer_from { faer::room(n) } else { 0 }).max(upper::room(n, m))
+        let own = Array::room(n);
+        #[cfg(feature = "faer")]
+        let own = own + if n >= self.faer_from { faer::room(n) } else { 0 };
+        own.max(upper::room(n, m))
     }
 
+    #[cfg(feature = "faer")]
     fn stack(&self, n: usize, _: usize) -> usize {
         if n >= self.faer_from { faer::stack(n) } else { 0 }
     }
@@ -119,11 +126,14 @@ impl Form for SquareRoot {
 impl SquareRoot {
     /// Makes the array of `phi` triangular; S of it into `p`.
     fn triangularise(&self, p: &mut [f64], a: &mut Array<'_>, phi: &BlockMatrix, kernel: Kernel, w: &mut [MaybeUninit<f64>]) {
+        #[cfg(feature = "faer")]
         if (2 * phi.active().len()).saturating_sub(phi.dim()) >= self.faer_from {
             faer::triangularise(p, a, w);
-        } else {
-            kernel.reflect(a.shape, a.columns, p, a.sums);
+            return;
         }
+        #[cfg(not(feature = "faer"))]
+        let _ = (phi, w);
+        kernel.reflect(a.shape, a.columns, p, a.sums);
     }
 }
 
