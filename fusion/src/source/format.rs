@@ -14,7 +14,7 @@ const FIRST: u64 = 4096;
 ///
 /// ```
 /// use fusion::source::LogFormat;
-/// use fusion::source::table::Table;
+/// use fusion::source::table::LogTable;
 ///
 /// static STARS: LogFormat = LogFormat {
 ///     name: "stars",
@@ -22,7 +22,7 @@ const FIRST: u64 = 4096;
 ///     endings: &[".stars"],
 ///     recognises: |first| first.starts_with(b"*****"),
 ///     read: |path| {
-///         let table = Table { path: path.to_owned(), format: &STARS, ..Table::default() };
+///         let table = LogTable { path: path.to_owned(), format: &STARS, ..LogTable::default() };
 ///         Ok(vec![table])
 ///     },
 /// };
