@@ -25,7 +25,7 @@ macro_rules! functions {
         )+
 
         #[cfg(any(not(feature = "libm"), test))]
-        #[allow(clippy::disallowed_methods, reason = "the one place for them")]
+        #[cfg_attr(not(test), expect(clippy::disallowed_methods, reason = "the one place for them"))]
         mod platform {
             $(
                 #[inline]

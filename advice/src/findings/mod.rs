@@ -1,7 +1,7 @@
 //! Advice on the next step, which follows from the statistics of a run.
 //!
 //! ```text
-//! design ──▶ instruments: what each sensor measures, and whether its bias can be a state ──┐
+//! design ──▶ instruments: their measurements, and whether a bias can be a state ──────────┐
 //! summary ─▶ faults, gates, NIS, NEES, gaps ──────────────────────────────────────────────┴──▶ facts
 //!
 //! facts ──▶ table of rules, causes first ──▶ findings, the first to look at first

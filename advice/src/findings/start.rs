@@ -30,7 +30,7 @@ impl Facts<'_> {
             format!(": {}", waits.join("; "))
         };
         let advice = if is_simulated {
-            "look at the limits of its `[initial]` blocks: what they wait for never comes in this mission, or not for so long".to_owned()
+            "look at the limits of its `[initial]` blocks: this mission never meets their conditions, or not for long enough".to_owned()
         } else {
             format!(
                 "look at the axes, signs and units of what it waits for ({CHECK} compares them), then at the limits of its `[initial]` blocks"

@@ -17,7 +17,7 @@ pub struct Fixed {
 /// Writes `edits` into `text`, the most important edit first: of two edits of one key, the first is made.
 ///
 /// If a selected variant declares the key, its value is written in the table of the variant, which replaces the value
-/// of the design. A key of an included part is written into this file, which replaces the value of the part.
+/// of the design. The value of a key in an included part is written into this file, and replaces the value of the part.
 ///
 /// # Errors
 /// The text is not TOML.

@@ -176,7 +176,7 @@ impl Sensitivity {
     }
 
     /// The covariance of the estimate with the prior of weights `prior`: H⁻¹ (J + W) H⁻¹, H = I + W. J is the variance
-    /// of the slope, from blocks of time. Correlated innovations do not make it wrong.
+    /// of the slope, from blocks of time, so correlated innovations do not make it wrong.
     pub(super) fn covariance(&self, prior: &DVector<f64>) -> Option<DMatrix<f64>> {
         let d = self.free.len();
         let weight = DMatrix::from_diagonal(prior);

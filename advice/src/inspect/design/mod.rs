@@ -123,7 +123,7 @@ impl Inspection {
             if driver == Driver::Attitude {
                 draft.set("bank.headings", 12);
             }
-            draft.reason("bank", "guessed: of the two tracks of the positions each is tried");
+            draft.reason("bank", "guessed: the positions form two tracks, and the filter tries both");
         }
         let what = match driver {
             Driver::Odometer if self.sides().is_some() => "speeds of both sides and positions, in the plane",
@@ -234,7 +234,7 @@ impl Inspection {
                 "By name the estimate of another filter, no measurement: {}. To compare with one, declare it as a",
                 names.join(", ")
             ));
-            draft.note("`[source]` of its own and name that in `[reference]`: its errors are not independent of those of this filter.");
+            draft.note("separate `[source]` and name it in `[reference]`: its errors are not independent of those of this filter.");
         }
         if self.position.is_none() && self.reference.is_none() {
             return self.judge_attitude(draft);

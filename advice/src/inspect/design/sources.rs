@@ -337,7 +337,7 @@ fn text_of(draft: &mut Draft, log: &Log) {
         draft.guess("header", "comment", "the last comment names the columns");
     }
     if let Some(names) = &table.names {
-        let why = "a name of the file stands for several columns: that of the line below is added";
+        let why = "several columns have the same name: the name in the line below is added";
         draft.guess("names", list(names.iter().cloned()), why);
     }
     if table.skip > 0 {

@@ -25,7 +25,7 @@ impl Inspection {
             shaken(draft, "scale and alignment of gyros that turn fast");
             draft.set("agility.acceleration", format!("{:.0} m/s^2", 2.0 * force));
             draft.set("agility.angular_rate", format!("{:.0} deg/s", 2.0 * rate.to_degrees()));
-            let why = "guessed: twice what all but one of a thousand samples stay below; what changes faster is a spike";
+            let why = "guessed: twice the limit that one sample in a thousand exceeds; a faster change is a spike";
             draft.reason("agility", why);
         }
         self.start(draft, imu);
@@ -109,8 +109,8 @@ impl Inspection {
         let (force, rate) = (shaken(|r| r.accel_noise, FLOOR.0), shaken(|r| r.gyro_noise, FLOOR.1));
         let why = |measured: Option<f64>| match measured {
             Some(m) => format!("guessed: three times the {m:.1e} at rest, or the least that a shaken unit has"),
-            None if is_foot => "guessed: a foot that rests is never quite still; what a shaken unit has".to_owned(),
-            None => "guessed: no rest in this log; what a shaken unit has".to_owned(),
+            None if is_foot => "guessed: a foot at rest still moves a little; the noise of a shaken unit".to_owned(),
+            None => "guessed: no rest in this log; the noise of a shaken unit".to_owned(),
         };
         draft.guess("gyro.noise", format!("{rate:.1e} rad/s/sqrt(Hz)"), &why(rest.map(|r| r.gyro_noise)));
         let of_force = why(rest.map(|r| r.accel_noise));
@@ -262,7 +262,7 @@ fn on_foot(draft: &mut Draft) {
     shaken(draft, "scale and alignment of gyros in swings");
     draft.set("agility.acceleration", "200 m/s^2");
     draft.set("agility.angular_rate", "1000 deg/s");
-    draft.reason("agility", "guessed: a foot that strikes the ground; what changes faster is a spike");
+    draft.reason("agility", "guessed: a foot that strikes the ground; a faster change is a spike");
 }
 
 /// The foot is at rest in every stance, as in configs/templates/person.toml.
