@@ -158,6 +158,12 @@ impl Lines {
             lines.places = lines.columns.iter().cloned().zip(0..).collect();
             lines.take(first);
             lines.is_ahead = true;
+        } else if let Some(topic) = topic {
+            let message = format!("`{}` has no message of the topic `{topic}`", lines.file);
+            let known: Vec<String> = topics(file, context)?.into_iter().map(|topic| topic.name).collect();
+            return Err(BuildError::at("topic", message)
+                .help(format!("its topics: {}", known.join(", ")))
+                .into());
         }
         Ok(lines)
     }

@@ -131,7 +131,18 @@ fn a_file_with_several_streams_is_read_by_topic_and_inspect_knows_the_types() {
         own = own.replace(&table, &format!("[source.{name}]\ntype = \"json_lines\"\ntopic = {topic:?}"));
         own = own.replace(&path, "\"drive.jsonl\"");
     }
-    fs::write(log.join("own.toml"), own).unwrap();
+    fs::write(log.join("own.toml"), &own).unwrap();
+    fs::write(log.join("wrong.toml"), own.replace("/gnss/fix", "/fix")).unwrap();
+    let wrong = Command::new(env!("CARGO_BIN_EXE_own-format"))
+        .args(["run", "wrong.toml"])
+        .current_dir(&log)
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&wrong.stderr).into_owned();
+    assert!(
+        told.contains("no message of the topic `/fix`") && told.contains("/imu/data, /gnss/fix"),
+        "{told}"
+    );
     folder.fusion(&["run", "log/design.toml", "--out", "csv"]);
     folder.fusion(&["run", "log/own.toml", "--out", "own"]);
     for file in ["estimates.csv", "updates.csv"] {
