@@ -184,7 +184,7 @@ impl Node {
     }
 
     /// The entries of a table, mutable; empty if the node is not a table.
-    pub fn entries_mut(&mut self) -> &mut [Entry] {
+    pub(crate) fn entries_mut(&mut self) -> &mut [Entry] {
         match &mut self.value {
             Value::Table { entries, .. } => entries,
             _ => &mut [],

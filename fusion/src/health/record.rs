@@ -191,7 +191,7 @@ impl FilterHealth {
 
 /// Observes the health of all filters.
 #[derive(Debug)]
-pub struct HealthRecord {
+pub(crate) struct HealthRecord {
     /// By filter.
     followed: Box<[Followed]>,
 }

@@ -124,7 +124,7 @@ fusion_core::memory!(ConsumerCounts {
 
 /// Follows the rows to the consumers of the outermost filter.
 #[derive(Debug)]
-pub struct Consumers {
+pub(crate) struct Consumers {
     /// First the consumers whose accepted rows cause no event, then the initialisers, then the sensors.
     followed: Box<[Followed]>,
     /// Index of the first initialiser.

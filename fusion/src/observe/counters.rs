@@ -55,7 +55,7 @@ impl Summary {
 
 /// Counts the estimates of the outermost filter, and the samples of its process input.
 #[derive(Clone, Debug, Default)]
-pub struct Counters {
+pub(crate) struct Counters {
     /// Without the time of the present gap.
     counts: Counts,
     /// The length of the present gap so far \[s\].

@@ -119,7 +119,7 @@ impl Thinning {
 
 /// Writes the estimates of one filter: estimates.csv, or `estimates.STAGE.csv` for a filter inside a stage.
 #[derive(Debug)]
-pub struct EstimateFile<W: Write = OutputFile> {
+pub(crate) struct EstimateFile<W: Write = OutputFile> {
     file: Written<EstimateWriter<W>>,
     /// The filter's number.
     filter: usize,
@@ -205,7 +205,7 @@ fn name_of(first: &str, filter: &Heard) -> String {
 
 /// Writes updates.csv: the measurements of every filter.
 #[derive(Debug)]
-pub struct UpdateFile<W: Write = OutputFile>(Written<UpdateWriter<W>>);
+pub(crate) struct UpdateFile<W: Write = OutputFile>(Written<UpdateWriter<W>>);
 
 impl UpdateFile {
     /// Creates the file in `set`.

@@ -62,7 +62,7 @@ impl HeardSensor {
 
     /// Returns true if it reads any of these columns of a stream.
     #[must_use]
-    pub fn reads_any(&self, stream: StreamId, columns: &Range<usize>) -> bool {
+    pub(crate) fn reads_any(&self, stream: StreamId, columns: &Range<usize>) -> bool {
         stream == self.reads.0 && self.reads.1.iter().any(|c| columns.contains(c))
     }
 }

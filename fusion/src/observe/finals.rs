@@ -71,7 +71,7 @@ impl Summary {
 /// Makes the parameters of all filters at the end of a run. It keeps the last estimate of every filter inside a stage;
 /// the runner has that of the outermost.
 #[derive(Debug)]
-pub struct Finals {
+pub(crate) struct Finals {
     /// By filter; unused for the outermost filter.
     inside: Box<[Inside]>,
 }
@@ -110,7 +110,7 @@ impl Finals {
 
     /// Without the filters inside stages.
     #[must_use]
-    pub fn of_outermost() -> Self {
+    pub(crate) fn of_outermost() -> Self {
         Self { inside: Box::default() }
     }
 

@@ -89,12 +89,12 @@ impl<'a> Hub<'a> {
 
     /// Adds a hub that hears current estimates: those of the filter just after its newest row was used. It hears no
     /// other events. It is compared with the same reference.
-    pub fn add_current(&mut self, hub: Self) {
+    pub(crate) fn add_current(&mut self, hub: Self) {
         self.current = Some(Box::new(hub));
     }
 
     /// Returns true if all observers can resume from their memory.
-    pub fn has_memory(&mut self) -> bool {
+    pub(crate) fn has_memory(&mut self) -> bool {
         self.observers.iter_mut().all(|o| o.memory().is_some()) && self.current.as_mut().is_none_or(|c| c.has_memory())
     }
 

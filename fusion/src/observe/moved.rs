@@ -100,7 +100,7 @@ fusion_core::memory!(Moved {
 
 /// Follows the sensors and the calibrations of all filters.
 #[derive(Debug)]
-pub struct Excesses(Box<[Followed]>);
+pub(crate) struct Excesses(Box<[Followed]>);
 
 impl Excesses {
     /// Follows these filters.

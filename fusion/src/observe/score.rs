@@ -10,7 +10,7 @@ use serde::Serialize;
 
 /// Scores one filter.
 #[derive(Debug)]
-pub struct FilterScore {
+pub(crate) struct FilterScore {
     /// The filter's number.
     filter: usize,
     /// The names of its sensors.
@@ -80,7 +80,7 @@ impl Summary {
 
 /// Scores the filters inside stages.
 #[derive(Debug)]
-pub struct InsideScores {
+pub(crate) struct InsideScores {
     /// By filter; its name, and its score.
     filters: Box<[(String, FilterScore)]>,
 }

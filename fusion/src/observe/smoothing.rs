@@ -54,7 +54,7 @@ pub enum By {
 
 /// Smooths the outermost filter and reports to separate observers, as a [`Hub`] does.
 #[derive(Debug)]
-pub struct Smoother<'a> {
+pub(crate) struct Smoother<'a> {
     by: By,
     hub: Hub<'a>,
     /// Which estimates have a row; `None` without a file.

@@ -67,7 +67,7 @@ impl Timing {
 
     /// Nanoseconds in the filter per epoch, of a run of so many.
     #[must_use]
-    pub fn ns_per_epoch(&self, epochs: u64) -> f64 {
+    pub(crate) fn ns_per_epoch(&self, epochs: u64) -> f64 {
         let share = f64::from(self.timed.max(1)) / f64::from(self.fed.max(1));
         self.filter.as_nanos() as f64 / share / epochs.max(1) as f64
     }

@@ -122,7 +122,7 @@ impl FileSet {
     ///
     /// # Errors
     /// As [`FileSet::begin`].
-    pub fn begin_kept(folder: &Path) -> Result<Self, Unwritable> {
+    pub(crate) fn begin_kept(folder: &Path) -> Result<Self, Unwritable> {
         Self::open(folder, Unfinished::Kept, false)
     }
 

@@ -8,7 +8,7 @@ use std::io::{self, Write};
 
 /// Writes updates.csv: one row per measurement.
 #[derive(Debug)]
-pub struct UpdateWriter<W: Write> {
+pub(crate) struct UpdateWriter<W: Write> {
     cells: Cells<W>,
     rows: usize,
 }

@@ -167,7 +167,7 @@ impl FaultChain {
 
 /// A stream whose rows go through faults.
 #[derive(Debug)]
-pub struct Faulted {
+pub(crate) struct Faulted {
     inner: Box<dyn RowStream>,
     faults: FaultChain,
 }

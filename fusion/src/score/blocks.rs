@@ -37,7 +37,7 @@ pub struct BlockScore {
 
 /// Scores the blocks of a filter against a true state in its layout.
 #[derive(Debug)]
-pub struct BlockScorer {
+pub(crate) struct BlockScorer {
     followers: Box<[Follower]>,
     /// Errors count from this time.
     from: Option<Time>,

@@ -288,7 +288,7 @@ impl Comparison {
 
     /// Returns true if the point of a source of the reference moves when the body rotates.
     #[must_use]
-    pub fn wants_rate(&self) -> bool {
+    pub(crate) fn wants_rate(&self) -> bool {
         self.points.iter().any(|point| *point != Vector3::zeros())
     }
 

@@ -50,7 +50,7 @@ pub struct ReferenceSigma {
 impl ReferenceEpoch {
     /// The position, and which of north, east and down are known; `estimate` gives the unknown ones.
     #[must_use]
-    pub fn position_beside(&self, estimate: &Geodetic) -> Option<(Geodetic, [bool; 3])> {
+    pub(crate) fn position_beside(&self, estimate: &Geodetic) -> Option<(Geodetic, [bool; 3])> {
         let own = self.position?;
         let (is_placed, has_height) = (own.lat.is_finite() && own.lon.is_finite(), own.height.is_finite());
         let across = if is_placed { own } else { *estimate };
@@ -63,7 +63,7 @@ impl ReferenceEpoch {
 /// neighbours span more than `max_span` seconds get none.
 ///
 /// Source: Savitzky, Golay 1964, for stamps that are not equidistant.
-pub fn differentiate(epochs: &mut [ReferenceEpoch], half: usize, max_span: f64) {
+pub(crate) fn differentiate(epochs: &mut [ReferenceEpoch], half: usize, max_span: f64) {
     let slopes: Vec<Option<Vector3<f64>>> = (0..epochs.len())
         .map(|i| {
             let window = epochs.get(i.checked_sub(half)?..i + half + 1)?;

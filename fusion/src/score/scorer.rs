@@ -17,6 +17,7 @@ use fusion_core::math;
 use fusion_core::time::Time;
 use fusion_models::fault::Windows;
 use nalgebra::Vector3;
+use statrs::statistics::{Data, OrderStatistics};
 
 /// The rules for scoring a run.
 #[derive(Clone, Debug, Default)]
@@ -128,7 +129,7 @@ impl Sums {
 
 /// Scores a run while it proceeds.
 #[derive(Debug)]
-pub struct Scorer {
+pub(crate) struct Scorer {
     rules: Rules,
     position: Sums,
     velocity: Sums,
@@ -339,17 +340,8 @@ impl Scorer {
 }
 
 /// The median of `values`; `None` if it is empty.
-pub fn median(mut values: Vec<f64>) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    Some(if values.len() % 2 == 1 {
-        values[middle]
-    } else {
-        0.5 * (values[middle - 1] + values[middle])
-    })
+pub fn median(values: Vec<f64>) -> Option<f64> {
+    (!values.is_empty()).then(|| Data::new(values).median())
 }
 
 #[cfg(test)]

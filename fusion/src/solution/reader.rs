@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// Reads the solution out of beliefs of one layout.
 #[derive(Debug)]
-pub struct SolutionReader {
+pub(crate) struct SolutionReader {
     process: Arc<dyn Process>,
     position: Option<Quantity<Geodetic>>,
     velocity: Option<Quantity<Velocity>>,

@@ -63,7 +63,7 @@ impl OpenContext {
 
     /// The seed of one of this source's faults.
     #[must_use]
-    pub fn fault_seed(&self, fault: &str) -> u64 {
+    pub(crate) fn fault_seed(&self, fault: &str) -> u64 {
         derive_seed(self.seed, &[&self.name, &format!("fault.{fault}")])
     }
 }

@@ -6,6 +6,7 @@ use fusion::score::{Deviation, EpochError, nees_of};
 use fusion_core::math;
 use fusion_core::runner::Halt;
 use fusion_core::time::Time;
+use statrs::statistics::{Data, OrderStatistics};
 
 /// The maximum number of bins, and the first width of a bin \[ns\]; it doubles when there are too many.
 const BINS: i64 = 512;
@@ -162,16 +163,10 @@ impl Together {
         Self { time, errors, nees }
     }
 
-    /// The quantile of the errors at `share`, interpolated between two runs.
+    /// The quantile of the errors at `share`, interpolated between two runs; NaN without errors.
     #[must_use]
     pub fn quantile(&self, share: f64) -> f64 {
-        let Some(last) = self.errors.len().checked_sub(1) else {
-            return f64::NAN;
-        };
-        let at = share.clamp(0.0, 1.0) * last as f64;
-        let below = math::floor(at) as usize;
-        let above = (below + 1).min(last);
-        self.errors[below] + (at - below as f64) * (self.errors[above] - self.errors[below])
+        Data::new(self.errors.clone()).quantile(share)
     }
 }
 
