@@ -83,15 +83,69 @@ impl Fit {
     }
 }
 
-/// Explains `expected` by an axis of `measured`; `own` is the declared axis. `None` if the log is too short.
-pub(super) fn fit(own: usize, expected: &[f64], measured: &[Vector3<f64>]) -> Option<Fit> {
-    let count = (expected.len() / SHORTEST).min(PARTS);
+/// Expected and measured values of the same times; NaN where the expected value of a row is unknown.
+pub(super) type Pairs = Vec<(Vector3<f64>, Vector3<f64>)>;
+
+/// The explanations of the expected values, row by row.
+pub(super) type Fits = [Option<Fit>; 3];
+
+/// For each row the axis that it is found at, and whether its sign is inverted; `None` if the data do not decide.
+pub(super) type Known = [Option<(usize, bool)>; 3];
+
+/// Explains each row by an axis of the measured values.
+pub(super) fn fits(pairs: &Pairs) -> Fits {
+    [0, 1, 2].map(|row| fit(row, pairs))
+}
+
+/// The axes that the data determine.
+pub(super) fn known(fits: &Fits) -> Known {
+    [0, 1, 2].map(|row| {
+        let fit = fits[row].filter(Fit::is_clear)?;
+        let best = (fit.axis, fit.negative);
+        (fit.is_other() || best == (row, false)).then_some(best)
+    })
+}
+
+/// The factor by which all clear axes are wrong, and the accuracy of its logarithm. A wrong factor on only one of
+/// several axes may come from the comparison itself.
+pub(super) fn wrong_factor(fits: &Fits, limit: f64) -> Option<(f64, f64)> {
+    let clear = || fits.iter().flatten().filter(|f| f.is_clear());
+    let is_wrong = clear().all(|f| f.wrong_factor(limit).is_some());
+    let first = clear().next().filter(|_| is_wrong)?;
+    let [least, most] = first.factor;
+    Some((first.wrong_factor(limit)?, math::ln(most / least) / 2.0))
+}
+
+/// Returns true if only north and east are wrong by a factor: angles in another unit.
+pub(super) fn wrong_across(fits: &Fits) -> bool {
+    let wrong = |row: usize| fits[row].is_some_and(|f| f.wrong_factor(NEAR).is_some());
+    wrong(0) && wrong(1) && !wrong(2)
+}
+
+/// A vote for (1) or against (−1) the declaration.
+pub(super) fn vote(fits: &Fits, limit: f64) -> i32 {
+    let known = known(fits);
+    let is_other = (0..3).any(|row| known[row].is_some_and(|k| k != (row, false)));
+    if is_other || wrong_factor(fits, limit).is_some() || wrong_across(fits) {
+        -1
+    } else {
+        i32::from(known != [None; 3])
+    }
+}
+
+/// Explains a row by an axis of the measured values; the axis of this number is the declared one. `None` if the log is
+/// too short.
+pub(super) fn fit(row: usize, pairs: &Pairs) -> Option<Fit> {
+    let pairs: Vec<(f64, Vector3<f64>)> = pairs
+        .iter()
+        .filter_map(|(expected, measured)| Some((expected[row], *measured)).filter(|(e, _)| e.is_finite()))
+        .collect();
+    let count = (pairs.len() / SHORTEST).min(PARTS);
     if count < FEWEST {
         return None;
     }
-    let bound = |part: usize| part * expected.len() / count;
-    let range = |part: usize| bound(part)..bound(part + 1);
-    let parts: Vec<Moments> = (0..count).map(|p| Moments::of(&expected[range(p)], &measured[range(p)])).collect();
+    let bound = |part: usize| part * pairs.len() / count;
+    let parts: Vec<Moments> = (0..count).map(|part| Moments::of(&pairs[bound(part)..bound(part + 1)])).collect();
     let all = parts.iter().fold(Moments::default(), |a, b| a.plus(b, 1.0));
     let rho = Vector3::from_fn(|axis, _| all.correlation(axis));
     let axis = rho.iamax();
@@ -101,7 +155,7 @@ pub(super) fn fit(own: usize, expected: &[f64], measured: &[Vector3<f64>]) -> Op
     }
     let without: Vec<Moments> = parts.iter().map(|p| all.plus(p, -1.0)).collect();
     let best = |m: &Moments| sign * m.fisher(axis);
-    let is_declared = axis == own && sign > 0.0;
+    let is_declared = axis == row && sign > 0.0;
     let slope = all.em[axis].abs() / all.mm[axis];
     Some(Fit {
         axis,
@@ -111,11 +165,11 @@ pub(super) fn fit(own: usize, expected: &[f64], measured: &[Vector3<f64>]) -> Op
         margin: if is_declared {
             0.0
         } else {
-            certainty(&all, &without, |m| best(m) - m.fisher(own))
+            certainty(&all, &without, |m| best(m) - m.fisher(row))
         },
         factor: [slope, all.ee / all.em[axis].abs()],
         along: [0, 1, 2].map(|axis| certainty(&all, &without, |m| m.fisher(axis))),
-        count: expected.len(),
+        count: pairs.len(),
     })
 }
 
@@ -128,19 +182,18 @@ struct Moments {
 }
 
 impl Moments {
-    fn of(e: &[f64], m: &[Vector3<f64>]) -> Self {
-        let n = e.len() as f64;
-        let (mean_e, mean_m) = (e.iter().sum::<f64>() / n, m.iter().sum::<Vector3<f64>>() / n);
-        e.iter().zip(m).fold(Self::default(), |sums, (e, m)| {
+    fn of(pairs: &[(f64, Vector3<f64>)]) -> Self {
+        let n = pairs.len() as f64;
+        let mean_e = pairs.iter().map(|(e, _)| e).sum::<f64>() / n;
+        let mean_m = pairs.iter().map(|(_, m)| m).sum::<Vector3<f64>>() / n;
+        pairs.iter().fold(Self::default(), |sums, (e, m)| {
             let (e, m) = (e - mean_e, m - mean_m);
-            sums.plus(
-                &Self {
-                    ee: e * e,
-                    em: m * e,
-                    mm: m.component_mul(&m),
-                },
-                1.0,
-            )
+            let squares = Self {
+                ee: e * e,
+                em: m * e,
+                mm: m.component_mul(&m),
+            };
+            sums.plus(&squares, 1.0)
         })
     }
 

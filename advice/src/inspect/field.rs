@@ -4,11 +4,10 @@ use super::log::Log;
 use super::numbers::{Integral, Vec3, median, norm};
 use super::pair::dot;
 use super::signal::Kind;
+use super::size::STRENGTHS;
 use fusion_core::math;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// Possible strengths of the Earth's field, including iron that a state can estimate \[T\].
-const STRENGTHS: core::ops::Range<f64> = 15e-6..80e-6;
 /// The mean force is taken over this time before and after a field \[s\].
 const STEADY: f64 = 0.5;
 /// A step of the comparison ends when the gyros have turned by `TURNED`, which is more than the noise of the field

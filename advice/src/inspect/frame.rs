@@ -7,7 +7,8 @@
 //! Not here: a frame that is turned by any other angle, and a body that moves sideways
 
 use super::log::Log;
-use super::signal::{Kind, Signal, UNNAMED, is_derived};
+use super::names::is_derived;
+use super::signal::{Kind, Signal, UNNAMED};
 use super::track::Track;
 use super::words::{Words, is_called};
 use fusion_core::math;

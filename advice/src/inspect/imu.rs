@@ -3,12 +3,11 @@
 use super::log::Log;
 use super::numbers::{Vec3, median, moments, norm, quantile};
 use super::signal::Kind;
+use super::size::GRAVITY;
 use super::stance::Stances;
 use super::standing::Standing;
 use fusion_core::math;
 
-/// Standard gravity \[m/s²\].
-const GRAVITY: f64 = 9.80665;
 /// The length of a window of the rest test \[s\].
 const WINDOW: f64 = 1.0;
 /// Gyros with a mean rate above `TURNING` at rest turn there, except if the mean of the whole log agrees with it within

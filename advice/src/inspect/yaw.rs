@@ -1,5 +1,6 @@
 //! The convention of a recorded heading: its direction and its zero, from the course over ground.
 
+use super::numbers::direction;
 use super::track::Track;
 use fusion_core::math;
 
@@ -35,16 +36,10 @@ impl Yaw {
         if pairs.len() < 10 {
             return None;
         }
-        let mean = |sign: f64| {
-            let sum = pairs
-                .iter()
-                .map(|(c, y)| math::sin_cos(c - sign * y))
-                .fold((0.0, 0.0), |m, p| (m.0 + p.0, m.1 + p.1));
-            (math::atan2(sum.0, sum.1), math::hypot(sum.0, sum.1) / pairs.len() as f64)
-        };
+        let mean = |sign: f64| direction(pairs.iter().map(|(course, yaw)| course - sign * yaw));
         let (with, against) = (mean(1.0), mean(-1.0));
-        let is_clockwise = with.1 >= against.1;
-        let (offset, agreement) = if is_clockwise { with } else { against };
+        let is_clockwise = with.0 >= against.0;
+        let (agreement, offset) = if is_clockwise { with } else { against };
         Some(Self {
             is_clockwise,
             offset,

@@ -1,5 +1,6 @@
 //! The parameters to try as states, and their initial values.
 
+use crate::frames::mistake::declared_offset;
 use fusion::config::{Diagnostics, Node};
 use fusion::design::{Design, Named, SensorDesign, parameters};
 use fusion_core::math;
@@ -310,13 +311,13 @@ fn of_sensor<'a>(sensor: &'a Named<SensorDesign>, design: &Design) -> Vec<Tried<
 
 /// The delay that a source declares for the stamps of a sensor's rows: stamp time minus time of validity \[s\].
 fn delay(source: &Node, sensor: &Named<SensorDesign>) -> f64 {
-    let read = |node: Option<&Node>| -> f64 {
-        let declared: Option<Duration> = node.and_then(|n| n.read(&mut Diagnostics::new()));
-        declared.map_or(0.0, Duration::si)
-    };
     let reading = sensor.block.model.reading();
-    let channel = reading.channels().first().map(|c| format!("channels.{}.latency", c.name));
-    read(channel.and_then(|latency| source.at(&latency))) - read(source.at("time.offset"))
+    let latency = reading
+        .channels()
+        .first()
+        .and_then(|c| source.at(&format!("channels.{}.latency", c.name)));
+    let latency: Option<Duration> = latency.and_then(|node| node.read(&mut Diagnostics::new()));
+    latency.map_or(0.0, Duration::si) - declared_offset(source)
 }
 
 /// Returns true if the parameter is estimated.

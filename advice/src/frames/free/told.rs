@@ -3,12 +3,12 @@
 use super::course::{Course, Estimate};
 use super::parameter::{ARM, Other, SHORTEST, Start, Tried};
 use super::search::{What, Written};
-use crate::frames::judge::{Comparison, Judged, sized};
+use crate::frames::compare::sized;
+use crate::frames::judge::{Comparison, Judged};
 use crate::frames::mistake::{self, Remedy};
-use fusion::config::{Diagnostic, Diagnostics, Edit, Node};
+use fusion::config::{Diagnostic, Node};
 use fusion::design::{Design, Named, SensorDesign, parameters};
 use fusion_core::math;
-use fusion_models::units::Duration;
 use fusion_tables::short;
 
 /// An arm that is this many σ on the other side of zero has the other sign. Undeclared latencies and correlated errors
@@ -182,12 +182,8 @@ impl Estimate {
 /// An entry in the list of comparisons.
 pub(super) fn listed(what: String, margin: f64, verdict: String) -> Comparison {
     Comparison {
-        what,
-        with: "the estimate of this filter".to_owned(),
-        samples: 0,
-        correlation: Vec::new(),
         margin,
-        verdict,
+        ..Comparison::plain(what, "the estimate of this filter", 0, verdict)
     }
 }
 
@@ -246,18 +242,13 @@ pub(super) fn tell(design: &Design, what: &What<'_>, found: &mut Judged) {
                 _ => other(design, tried, e, &words),
             });
         }
-        What::Columns(Written {
-            source,
-            channel,
-            wrong,
-            write,
-        }) => {
+        What::Columns(Written { source, channel, other }) => {
             let source = &design.sources[*source];
             let name = format!("{}.{channel}", source.name);
-            let message = format!("`{name}` has {wrong}: put right, the filter follows its data much better");
+            let message = format!("`{name}` has {}: put right, the filter follows its data much better", other.wrong);
             let told = mistake::at("sensor-columns", &source.node, channel, "column", message);
-            let told = write.clone().of(told, &format!("source.{}.channels.{channel}", source.name));
-            found.comparisons.push(listed(name, f64::INFINITY, (*wrong).to_owned()));
+            let told = other.remedy().of(told, &format!("source.{}.channels.{channel}", source.name));
+            found.comparisons.push(listed(name, f64::INFINITY, other.wrong.clone()));
             found.mistakes.push(told);
         }
         What::Clock { source, by, than } => {
@@ -266,21 +257,11 @@ pub(super) fn tell(design: &Design, what: &What<'_>, found: &mut Judged) {
                 "the stamps of `{}` are about {:.2} s late: else `{than}` would have measured before it did",
                 source.name, -by
             );
-            let declared: Option<Duration> = source.node.at("time.offset").and_then(|n| n.read(&mut Diagnostics::new()));
-            let offset = declared.map_or(0.0, Duration::si) + by;
-            let place = source
-                .node
-                .at("time.offset")
-                .map_or_else(|| source.node.place_of("time"), Node::place);
-            let edit = Edit::set(format!("source.{}.time.offset", source.name), format!("\"{offset:.2} s\""));
-            let help = edit.to_string();
-            found.comparisons.push(listed(
-                format!("the stamps of {}", source.name),
-                f64::INFINITY,
-                format!("{:.2} s late", -by),
-            ));
-            let told = Diagnostic::warning(message).at(place).rule("clock");
-            found.mistakes.push(told.help(help).edits(vec![edit]));
+            let verdict = format!("{:.2} s late", -by);
+            found
+                .comparisons
+                .push(listed(format!("the stamps of {}", source.name), f64::INFINITY, verdict));
+            found.mistakes.push(mistake::shifted(source, *by, message, ""));
         }
     }
 }
@@ -319,7 +300,7 @@ fn factor(design: &Design, tried: &Tried<'_>, by: f64, e: &Estimate) -> Diagnost
     let message = format!("the numbers of `{}` {is}: else the filter does not follow its data", sensor.name);
     let place = node.map_or_else(|| sensor.node.place(), Node::place);
     let told = Diagnostic::warning(message).at(place).rule("sensor-sign");
-    let help = help.unwrap_or_else(|| Remedy::words("check `unit` and `scale`"));
+    let help = help.unwrap_or_else(mistake::check_unit);
     help.of(told, &format!("source.{name}.{}", channel.unwrap_or_default()))
 }
 
