@@ -1,7 +1,7 @@
 //! A magnetometer next to an inertial unit: the Earth's field as it reads it, if it does.
 
 use super::log::Log;
-use super::numbers::{Integral, Vec3, median, norm};
+use super::numbers::{Integral, Vec3, by_half, median, norm};
 use super::pair::dot;
 use super::signal::Kind;
 use super::size::STRENGTHS;
@@ -63,8 +63,7 @@ impl Field {
             );
             return Some(Err(why));
         }
-        // Half of the normal numbers are within 0.674 σ.
-        let scatter = median(field.iter().map(|m| (norm(*m) - strength).abs())) / 0.674;
+        let scatter = by_half(field.iter().map(|m| (norm(*m) - strength).abs()));
         let side = Side {
             t: log.stamps(),
             field,

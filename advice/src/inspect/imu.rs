@@ -5,7 +5,7 @@ use super::numbers::{Vec3, median, moments, norm, quantile};
 use super::signal::Kind;
 use super::size::GRAVITY;
 use super::stance::Stances;
-use super::standing::Standing;
+use super::standing::{Standing, TIMES};
 use fusion_core::math;
 
 /// The length of a window of the rest test \[s\].
@@ -21,8 +21,6 @@ const QUIET: f64 = 3.0;
 const VALLEY: f64 = 0.1;
 /// Limits of rest accept at most this number of moving windows, per window at rest.
 const LEAK: f64 = 0.02;
-/// Factors of the limits that are tried.
-const TIMES: [f64; 4] = [2.0, 1.5, 1.25, 1.0];
 /// Windows that begin at any sample are shaken more than adjacent windows by this factor.
 const SLIDING: f64 = 1.1;
 /// A unit that turns faster for a twentieth of the time has far larger errors from gyro scale and axes than from noise

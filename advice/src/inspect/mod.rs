@@ -349,8 +349,6 @@ fn bring_to_gps(logs: &mut [Log]) {
 
 /// Shifts the stamps of the unit if its turns agree with those of the positions only at another time.
 fn bring_together(logs: &mut [Log], track: &Track) {
-    /// The turns do not agree below this correlation.
-    const AGREES: f64 = 0.5;
     let Some(k) = units(logs).first().copied() else { return };
     let log = &logs[k];
     let has_positions = log.has(Geodetic) || log.has(Local);
@@ -358,7 +356,7 @@ fn bring_together(logs: &mut [Log], track: &Track) {
         return;
     };
     let pair = Pair::of(log.stamps(), &force, &rate, imu.gravity, imu.up, track);
-    if has_positions || pair.is_some_and(|pair| pair.correlation.abs() > AGREES) {
+    if has_positions || pair.is_some_and(|pair| pair.is_related()) {
         return;
     }
     let lag = pair::apart(log.stamps(), &rate, imu.gravity, track);

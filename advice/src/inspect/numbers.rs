@@ -18,6 +18,11 @@ pub(crate) fn median(samples: impl IntoIterator<Item = f64>) -> f64 {
     quantile(samples, 0.5)
 }
 
+/// 1σ of normal numbers by their absolute values, half of which are below 0.674 σ.
+pub(super) fn by_half(sizes: impl IntoIterator<Item = f64>) -> f64 {
+    median(sizes) / 0.674
+}
+
 /// Length and angle of the mean of unit vectors at these angles \[rad\]: the length is 1 if all are equal.
 pub(crate) fn direction(angles: impl ExactSizeIterator<Item = f64>) -> (f64, f64) {
     let count = angles.len() as f64;

@@ -13,6 +13,9 @@ const MOVING: f64 = 2.0;
 /// Fewer intervals of motion are not enough.
 const ENOUGH: usize = 20;
 
+/// Chance does not reach this correlation of turns over half of the intervals of a drive.
+const AGREES: f64 = 0.8;
+
 /// How unit and track agree.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
@@ -35,6 +38,16 @@ pub struct Pair {
 }
 
 impl Pair {
+    /// Returns true if unit and track turn alike.
+    pub(super) fn agrees(&self) -> bool {
+        self.correlation.abs() > AGREES
+    }
+
+    /// Returns true if their turns agree at all.
+    pub(super) fn is_related(&self) -> bool {
+        self.correlation.abs() > 0.5
+    }
+
     /// The angle of [`Pair::forward`] and its correlation, if the correlation is large enough.
     pub(super) fn ahead(&self) -> Option<(f64, f64)> {
         /// Forces that hardly depend on the accelerations of the track agree less.
@@ -90,7 +103,7 @@ impl Pair {
         let third = intervals.len() / 3;
         let lags = (third >= 3 * ENOUGH).then(|| {
             let [first, last] = [&intervals[..third], &intervals[intervals.len() - third..]].map(|part| best(part, &rates, down));
-            let is_clear = |lag: &Lag| lag.correlation.abs() > 0.8;
+            let is_clear = |lag: &Lag| lag.correlation.abs() > AGREES;
             Some((first.filter(is_clear)?.by, last.filter(is_clear)?.by))
         });
         Some(Self {
@@ -110,8 +123,6 @@ impl Pair {
 pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> Option<f64> {
     /// The coarse step \[s\]: turns of a vehicle last seconds.
     const COARSE: f64 = 0.25;
-    /// Chance does not reach this correlation over half of the intervals of a drive.
-    const CERTAIN: f64 = 0.8;
     /// No turn lasts longer; offsets further apart are different ones \[s\].
     const TURN: f64 = 15.0;
     /// Another offset is possible, too, if its unexplained part is at most `ALIKE` times as large. An unexplained part
@@ -137,7 +148,7 @@ pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> O
     // A path that repeats itself, round a block or up and down, agrees nearly as well a leg later.
     let left = |lag: &Lag| 1.0 - size(lag) * size(lag);
     let is_other = |other: &Lag| (other.by - best.by).abs() > TURN && left(other) < ALIKE * left(&best) + NOTHING;
-    (size(&best) > CERTAIN && !tried.iter().any(is_other)).then_some(best.by)
+    (size(&best) > AGREES && !tried.iter().any(is_other)).then_some(best.by)
 }
 
 /// Returns the first and the last stamp of a log without its outliers. The limits are the quantiles of 5 and 95 % of the
@@ -150,7 +161,7 @@ fn span(t: &[f64]) -> Option<(f64, f64)> {
 }
 
 fn intervals(track: &Track) -> Vec<Interval> {
-    let slowest = MOVING.min(0.5 * track.top_speed());
+    let slowest = MOVING.min(track.slowest());
     // At least a second: shorter intervals differ by the noise of the velocity.
     let stride = (math::round(track.rate()) as usize).max(1);
     let mut all = Vec::new();

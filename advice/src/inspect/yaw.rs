@@ -25,14 +25,12 @@ impl Yaw {
 
     /// From headings \[rad\] at stamps; `None` if the vehicle hardly moves.
     pub(super) fn of(t: &[f64], yaw: &[f64], track: &Track) -> Option<Self> {
-        let slowest = 0.5 * track.top_speed();
-        let mut pairs = Vec::new();
-        for (k, v) in track.t.iter().zip(&track.velocity) {
-            let row = t.partition_point(|s| s < k);
-            if math::hypot(v[0], v[1]) > slowest && t.get(row).is_some_and(|s| s - k < 1.0) && yaw[row].is_finite() {
-                pairs.push((math::atan2(v[1], v[0]), yaw[row]));
-            }
-        }
+        let pairs = track.moving().filter_map(|(at, v, _)| {
+            let row = t.partition_point(|t| *t < at);
+            let is_near = t.get(row).is_some_and(|t| t - at < 1.0) && yaw[row].is_finite();
+            is_near.then(|| (math::atan2(v[1], v[0]), yaw[row]))
+        });
+        let pairs: Vec<(f64, f64)> = pairs.collect();
         if pairs.len() < 10 {
             return None;
         }
