@@ -1,7 +1,7 @@
 //! Clocks that do not agree: finds the shift of the stamps at which two channels report the same motion.
 
 use super::log::{Told, Track};
-use super::regression::{CERTAIN, Fit, Pairs, fit};
+use super::regression::{Fit, PLAIN, Pairs, fit};
 use fusion_core::math;
 use nalgebra::Vector3;
 
@@ -23,10 +23,6 @@ const UNUSUAL: f64 = 0.3;
 const SLIP: f64 = 1.5;
 /// An antenna ahead of the turning point of a vehicle moves sideways earlier, by its arm divided by the speed \[s\].
 const LEAD: f64 = 1.0;
-/// The least correlation at which a shift is reported. Waves repeat themselves; their correlation with a shifted log is
-/// lower.
-const PLAIN: f64 = 0.9;
-
 /// The result of the comparison of two clocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Clocks {
@@ -98,6 +94,7 @@ pub(super) fn compare(measured: &Track, told: &[Told], declared: &[f64], is_cour
         is_course && (-LEAD..SLIP).contains(&lag) || LAGS.into_iter().chain(delays).any(|usual| (lag - usual).abs() < UNUSUAL)
     };
     match clearest(far) {
+        // Waves repeat themselves; their correlation with a shifted log is lower.
         Some((row, fit)) if !is_usual(far) && fit.correlation >= PLAIN && is_better(measured, told, row, fit.axis, [near, far]) => {
             Clocks::Apart(far)
         }
@@ -112,5 +109,5 @@ fn is_better(measured: &Track, told: &[Told], row: usize, axis: usize, lags: [f6
         let at = |lag: f64| Some(measured.mean(from - lag, to - lag)?[axis]);
         Some((Vector3::repeat(expected[row]), Vector3::new(at(lags[0])?, at(lags[1])?, 0.0)))
     });
-    fit(0, &both.collect::<Pairs>()).is_some_and(|f| f.axis == 1 && f.margin >= CERTAIN)
+    fit(0, &both.collect::<Pairs>()).is_some_and(|f| f.axis == 1 && f.is_better())
 }

@@ -183,3 +183,63 @@ impl Judge<'_> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fusion::config::Document;
+
+    fn of(channel: &str, table: &str) -> Vec<String> {
+        let (document, found) = Document::parse("design.toml", &format!("channel = {table}\n"));
+        assert_eq!(found, []);
+        let table = document.root().get("channel");
+        others(channel, table.unwrap()).iter().map(Declaration::listed).collect()
+    }
+
+    #[test]
+    fn the_common_mistakes_of_each_channel_are_tried_once() {
+        for (channel, table, count, one) in [
+            // Three signs, the exchange, the unit.
+            (
+                "position",
+                r#"{ latitude = "a", longitude = "-b", height = "h", unit = "rad" }"#,
+                5,
+                r#"longitude = "b""#,
+            ),
+            // Eight signs of two orders, without the declared one.
+            (
+                "position",
+                r#"{ north = "n", east = "e", up = "u" }"#,
+                15,
+                r#"north = "e", east = "n", up = "-u""#,
+            ),
+            // Three orders, with the inverse, with the vertical up, without what is declared.
+            (
+                "attitude",
+                r#"{ quaternion = ["w", "x", "y", "z"] }"#,
+                11,
+                r#"quaternion = ["x", "y", "z", "w"], inverse = true"#,
+            ),
+            (
+                "attitude",
+                r#"{ rpy = ["r", "p", "y"], unit = "deg", rotation = { axes = ["x", "-y", "-z"] } }"#,
+                2,
+                r#"unit = "rad""#,
+            ),
+            ("heading", r#"{ column = "-h", unit = "rad" }"#, 2, r#"column = "h""#),
+            (
+                "body_velocity",
+                r#"{ columns = ["x", "y", "z"] }"#,
+                4,
+                r#"columns = ["-y", "-x", "z"]"#,
+            ),
+            ("depth", r#"{ column = "d" }"#, 1, r#"column = "-d""#),
+        ] {
+            let mut all = of(channel, table);
+            assert!(all.iter().any(|other| other == one), "{channel}: {all:?}");
+            all.sort_unstable();
+            all.dedup();
+            assert_eq!(all.len(), count, "{channel}: {all:?}");
+        }
+    }
+}

@@ -4,6 +4,7 @@
 //! removes biases. Correlations are compared by Fisher's z = artanh ρ. The jackknife gives the standard error of z: the
 //! scatter between parts of the log covers correlated errors of unknown size and duration.
 
+use crate::findings::level::{BY_CHANCE, beyond, standard_errors};
 use fusion_core::math;
 use nalgebra::Vector3;
 
@@ -15,22 +16,19 @@ const FEWEST: usize = 8;
 const SHORTEST: usize = 6;
 /// The least number of samples.
 pub(super) const ENOUGH: usize = FEWEST * SHORTEST;
-/// An explanation is better from this number of standard errors. For 100 comparisons of twenty parts, Student's t with
-/// 19 degrees of freedom exceeds 6 by chance in 1 of 2000 logs.
-pub(super) const CERTAIN: f64 = 6.0;
-/// ... and from this correlation. A small but certain correlation may come from sensitive axes that are not orthogonal.
-pub(super) const CLEAR: f64 = 0.4;
-/// ... or from this number, if the correlation reaches `PLAIN`. A value that rises and falls once or twice scatters
-/// between the parts.
-const LIKELY: f64 = 4.0;
-const PLAIN: f64 = 0.9;
+/// The explanations that a log offers: three rows, each by three axes with two signs, in so many comparisons.
+const EXPLANATIONS: usize = 3 * 3 * 2 * 6;
+/// The least correlation of an explanation: cos 66°. A small but certain correlation may come from sensitive axes that
+/// are not orthogonal.
+const CLEAR: f64 = 0.4;
+/// From this correlation, cos 26°, there is only one explanation to judge. A value that rises and falls once or twice
+/// scatters between the parts.
+pub(super) const PLAIN: f64 = 0.9;
 /// The least factor that means wrong numbers, not just inexact ones. It is for two channels that measure the same
 /// quantity, such as a velocity and the slope of a position. Scale errors of instruments are smaller.
 pub(super) const NEAR: f64 = 1.25;
 /// ... and for a comparison with a course, which slips, lags and cuts corners.
 pub(super) const FAR: f64 = 2.0;
-/// Standard errors from which a correlation decides a sign, if nothing else does.
-const LEANS: f64 = 3.0;
 
 /// The best explanation of the expected value along one axis.
 #[derive(Clone, Copy, Debug)]
@@ -50,8 +48,9 @@ pub(super) struct Fit {
     pub(super) factor: [f64; 2],
     /// How well each axis explains the expected value, in standard errors, with the sign of the correlation.
     pub(super) along: [f64; 3],
-    /// Samples.
+    /// Samples, and the number of parts that give the standard errors.
     pub(super) count: usize,
+    pub(super) parts: usize,
 }
 
 impl Fit {
@@ -65,14 +64,24 @@ impl Fit {
         self.is_clear() && self.margin >= self.certain()
     }
 
+    /// Returns true if it is better than the declaration by more than chance, at any correlation.
+    pub(super) fn is_better(&self) -> bool {
+        self.margin >= standard_errors(EXPLANATIONS, self.parts)
+    }
+
+    /// Returns true if this is more than no explanation, for a result that is certain by other data.
+    pub(super) fn confirms(&self) -> bool {
+        self.certainty >= beyond(BY_CHANCE, self.parts)
+    }
+
     fn certain(&self) -> f64 {
-        if self.correlation >= PLAIN { LIKELY } else { CERTAIN }
+        standard_errors(if self.correlation >= PLAIN { 1 } else { EXPLANATIONS }, self.parts)
     }
 
     /// Returns true if an axis explains it with the inverted sign; `None` if the data do not decide.
     pub(super) fn leans(&self, axis: usize) -> Option<bool> {
         let z = self.along[axis];
-        (z.abs() >= LEANS).then_some(z < 0.0)
+        (z.abs() >= standard_errors(1, self.parts)).then_some(z < 0.0)
     }
 
     /// The factor, if the data exclude all factors from 1/`limit` to `limit`.
@@ -170,6 +179,7 @@ pub(super) fn fit(row: usize, pairs: &Pairs) -> Option<Fit> {
         factor: [slope, all.ee / all.em[axis].abs()],
         along: [0, 1, 2].map(|axis| certainty(&all, &without, |m| m.fisher(axis))),
         count: pairs.len(),
+        parts: count,
     })
 }
 

@@ -280,7 +280,7 @@ fn doubt(fast: &mut Fits, slow: &Fits) -> bool {
             continue;
         };
         let is_confirmed = slow.as_ref().map_or(told.correlation >= PLAIN, |slow| {
-            (told.axis, told.negative) == (slow.axis, slow.negative) && slow.certainty >= SLIGHT
+            (told.axis, told.negative) == (slow.axis, slow.negative) && slow.confirms()
         });
         if !is_confirmed {
             (*fast, is_doubtful) = (slow.filter(|s| !s.is_other()), true);
@@ -292,9 +292,6 @@ fn doubt(fast: &mut Fits, slow: &Fits) -> bool {
 /// The correlation at which fast motion alone is accepted, if slow motion is too short to decide. Waves and the slower
 /// motion share an axis only in part; a mistake affects the whole axis.
 const PLAIN: f64 = 0.8;
-/// Standard errors from which slow motion confirms a certain result of fast motion.
-const SLIGHT: f64 = 2.0;
-
 /// The rotation of gravity in the axes of a vehicle, which its roll and pitch rates cause. It is the change of the
 /// specific force minus the accelerations along the course, from one interval to the next. An unknown axis of the force
 /// gives no expected value.

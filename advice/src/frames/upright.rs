@@ -54,6 +54,7 @@ impl Upright {
                 _ => 0.0,
             }),
             count: self.count,
+            parts: self.count,
         }
     }
 }

@@ -23,36 +23,25 @@ pub(super) struct Sort {
     pub(super) sigma: f64,
     /// The smallest error that matters, in this unit.
     pub(super) least: f64,
-    /// An estimate this many σ away is significant. The σ is the filter's own, which assumes white noise.
-    pub(super) certain: f64,
 }
 
-const fn sort(unit: &'static str, si: f64, sigma: f64, least: f64, certain: f64) -> Sort {
-    Sort {
-        unit,
-        si,
-        sigma,
-        least,
-        certain,
-    }
+const fn sort(unit: &'static str, si: f64, sigma: f64, least: f64) -> Sort {
+    Sort { unit, si, sigma, least }
 }
 
 /// Parameters that the construction and mounting of a sensor fix. Slow errors are not such parameters.
-///
-/// Slow errors of fixes look like a lever arm. On the recorded log of a robot whose receiver drifts by metres, they
-/// produce a lever arm of 19σ. Stamps of a separate clock look like a latency.
 const SORTS: [Sort; 6] = [
-    sort("deg", PI / 180.0, 10.0, 2.0, 5.0),
-    sort("%", 0.01, 10.0, 2.0, 5.0),
-    sort("s", 1.0, 0.3, 0.05, 6.0),
-    sort("m", 1.0, 1.0, 0.5, 30.0),
-    sort("uT", 1e-6, 10.0, 2.0, 10.0),
-    sort("m/s", 1.0, 0.5, 0.1, 10.0),
+    sort("deg", PI / 180.0, 10.0, 2.0),
+    sort("%", 0.01, 10.0, 2.0),
+    sort("s", 1.0, 0.3, 0.05),
+    sort("m", 1.0, 1.0, 0.5),
+    sort("uT", 1e-6, 10.0, 2.0),
+    sort("m/s", 1.0, 0.5, 0.1),
 ];
-/// The distance between two tracks is not a lever arm: slow errors of fixes do not resemble it.
-const GAUGE: Sort = sort("m", 1.0, 1.0, 0.1, 6.0);
+/// The distance between two tracks is not a lever arm.
+const GAUGE: Sort = sort("m", 1.0, 1.0, 0.1);
 /// A speed error of 1 % is ten metres in a kilometre.
-const SCALE: Sort = sort("%", 0.01, 10.0, 0.5, 6.0);
+const SCALE: Sort = sort("%", 0.01, 10.0, 0.5);
 
 /// The scale errors of a speed in another unit or with the other sign: the sign, knots and km/h read as m/s, m/s read
 /// as knots and as km/h \[%\].
