@@ -434,7 +434,11 @@ mod tests {
             // 10 %: over half a second of such rotation the arc differs from its chord.
             assert!((small * factor - 1.0).abs() < 0.1, "{factor}: {small}");
         }
-        assert_eq!(told(&with_gyros(&DECLARED, 1.05), Some(true)), RIGHT, "5 % is an error of the scale, not another unit");
+        assert_eq!(
+            told(&with_gyros(&DECLARED, 1.05), Some(true)),
+            RIGHT,
+            "5 % is an error of the scale, not another unit"
+        );
     }
 
     #[test]

@@ -66,7 +66,8 @@ impl Judge<'_> {
         };
         let ([least, most], size) = (range.is, size(track));
         let is_within = |size: f64, by: f64| (least / by..most * by).contains(&size);
-        if !self.design.sensors.iter().any(|sensor| is_read(&sensor.node)) || is_within(size, range.beyond) || !(size > 0.0) {
+        let is_beyond = size > 0.0 && !is_within(size, range.beyond);
+        if !(is_beyond && self.design.sensors.iter().any(|sensor| is_read(&sensor.node))) {
             return;
         }
         let declared = self.channel(track).and_then(|table| table.get("unit")).and_then(Node::as_str);

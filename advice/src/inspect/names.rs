@@ -203,11 +203,11 @@ impl<'a> Finder<'a> {
                 let prefix = prefix.to_owned();
                 self.axes_xyz(&prefix, unit, &[(k, false), (y, false), (z, false)]);
             }
-            if let Some((prefix, columns)) = self.along(k, &BODY).filter(|(_, columns)| columns.len() == 3) {
-                if let Some(found) = self.axes_xyz(&prefix, unit, &columns).filter(|s| s.columns == columns) {
-                    found.is_body = true;
-                    found.why = "by name: forward, right, down".to_owned();
-                }
+            if let Some((prefix, columns)) = self.along(k, &BODY).filter(|(_, columns)| columns.len() == 3)
+                && let Some(found) = self.axes_xyz(&prefix, unit, &columns).filter(|s| s.columns == columns)
+            {
+                found.is_body = true;
+                found.why = "by name: forward, right, down".to_owned();
             }
             for axes in &WORLD {
                 if let Some((prefix, columns)) = self.along(k, axes) {
@@ -434,10 +434,10 @@ impl<'a> Finder<'a> {
         };
         let is_fix = |w: &Words| !contains(&w.stem, &DERIVED) && contains(&w.stem, &["usbl", "pos", "p", "fix"]);
         let x = (0..self.words.len()).find(|k| is_fix(&self.words[*k]) && self.words[*k].before("x").is_some());
-        if let Some((x, y)) = x.and_then(|x| Some((x, self.sibling(x, "x", "y")?))) {
-            if let Some(found) = self.add(Kind::Local, vec![(y, false), (x, false), (depth, false)]) {
-                found.why = "by name: x, y as east, north".to_owned();
-            }
+        if let Some((x, y)) = x.and_then(|x| Some((x, self.sibling(x, "x", "y")?)))
+            && let Some(found) = self.add(Kind::Local, vec![(y, false), (x, false), (depth, false)])
+        {
+            found.why = "by name: x, y as east, north".to_owned();
         }
     }
 
