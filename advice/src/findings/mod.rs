@@ -25,7 +25,7 @@ mod facts;
 mod found;
 mod input;
 mod instrument;
-mod level;
+pub(crate) mod level;
 mod moved;
 mod noise;
 mod parameters;

@@ -1,9 +1,7 @@
 //! Clocks that do not agree: finds the shift of the stamps at which two channels report the same motion.
 
-use super::judge::Expected;
-use super::log::Track;
-use super::motion::Told;
-use super::regression::{CERTAIN, Fit, fit};
+use super::log::{Told, Track};
+use super::regression::{Fit, PLAIN, Pairs, fit};
 use fusion_core::math;
 use nalgebra::Vector3;
 
@@ -25,10 +23,6 @@ const UNUSUAL: f64 = 0.3;
 const SLIP: f64 = 1.5;
 /// An antenna ahead of the turning point of a vehicle moves sideways earlier, by its arm divided by the speed \[s\].
 const LEAD: f64 = 1.0;
-/// The least correlation at which a shift is reported. Waves repeat themselves; their correlation with a shifted log is
-/// lower.
-const PLAIN: f64 = 0.9;
-
 /// The result of the comparison of two clocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Clocks {
@@ -71,7 +65,7 @@ fn steps(from: f64, to: f64, step: f64) -> impl Iterator<Item = f64> {
 
 fn best(measured: &Track, told: &[Told], lags: impl Iterator<Item = f64>) -> f64 {
     let size = |lag: f64| {
-        let fits = Expected::of(measured, told, lag).fits();
+        let fits = measured.fits(told, lag);
         fits.iter().flatten().map(|f| math::powi(f.correlation, 2)).sum::<f64>()
     };
     // If several lags are equally good, this takes the first.
@@ -83,7 +77,7 @@ fn best(measured: &Track, told: &[Told], lags: impl Iterator<Item = f64>) -> f64
 /// a course.
 pub(super) fn compare(measured: &Track, told: &[Told], declared: &[f64], is_course: bool) -> Clocks {
     let clearest = |lag: f64| {
-        let fits = Expected::of(measured, told, lag).fits();
+        let fits = measured.fits(told, lag);
         let clear = fits
             .into_iter()
             .enumerate()
@@ -100,6 +94,7 @@ pub(super) fn compare(measured: &Track, told: &[Told], declared: &[f64], is_cour
         is_course && (-LEAD..SLIP).contains(&lag) || LAGS.into_iter().chain(delays).any(|usual| (lag - usual).abs() < UNUSUAL)
     };
     match clearest(far) {
+        // Waves repeat themselves; their correlation with a shifted log is lower.
         Some((row, fit)) if !is_usual(far) && fit.correlation >= PLAIN && is_better(measured, told, row, fit.axis, [near, far]) => {
             Clocks::Apart(far)
         }
@@ -110,10 +105,9 @@ pub(super) fn compare(measured: &Track, told: &[Told], declared: &[f64], is_cour
 
 /// Returns true if the second lag is clearly better. The test treats both lags as two axes to choose from.
 fn is_better(measured: &Track, told: &[Told], row: usize, axis: usize, lags: [f64; 2]) -> bool {
-    let both = told.iter().filter(|t| t.2[row].is_finite()).filter_map(|(from, to, expected)| {
+    let both = told.iter().filter_map(|(from, to, expected)| {
         let at = |lag: f64| Some(measured.mean(from - lag, to - lag)?[axis]);
-        Some((expected[row], Vector3::new(at(lags[0])?, at(lags[1])?, 0.0)))
+        Some((Vector3::repeat(expected[row]), Vector3::new(at(lags[0])?, at(lags[1])?, 0.0)))
     });
-    let (expected, measured): (Vec<f64>, Vec<Vector3<f64>>) = both.unzip();
-    fit(0, &expected, &measured).is_some_and(|f| f.axis == 1 && f.margin >= CERTAIN)
+    fit(0, &both.collect::<Pairs>()).is_some_and(|f| f.axis == 1 && f.is_better())
 }

@@ -15,12 +15,13 @@
 //! vehicle that turns about one axis only leaves several candidates P. Then only the common part of all candidates is
 //! reported.
 
-use super::judge::{Compared, Comparison, Judge, LONG, sized, turned};
+use super::compare::{Compared, sized};
+use super::judge::Judge;
 use super::log::Track;
-use super::mistake::{self, Axes, DECLARED, Whole, complete, differing, handedness};
-use super::regression::FAR;
+use super::mistake::{self, Axes, DECLARED, Whole, complete, differing, handedness, turned};
+use super::regression::Known;
 use fusion_core::math;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix3x4, Matrix4, Vector3, Vector4};
 
 /// Intervals to try \[s\]: a short one for a unit turned by hand, a longer one for vehicles, which turn less than the
 /// noise in a short one.
@@ -43,9 +44,6 @@ const ALIKE: f64 = 2.0;
 const SCALE: f64 = 2.0;
 /// The factor by which gyros in degrees are too large if they are declared as radians.
 const DEGREES: f64 = 180.0 / core::f64::consts::PI;
-
-/// For each row the declared axis and whether it is negated; `None` if the data do not decide.
-pub(super) type Known = [Option<(usize, bool)>; 3];
 
 /// The verdict of the data on the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,58 +71,57 @@ impl Told {
 /// The least share of the field along gravity at which its sign counts.
 const STEEP: f64 = 0.2;
 
-/// Sums over intervals, for one choice of axes.
+/// Sums over intervals of least squares, for one choice of axes: d = J (k, k b) with d = Δ(P m), J = (w, \[ω Δt ×\]) and
+/// w = −ω Δt × P m̄.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
-    /// Of d², d = Δ(P m).
     dd: f64,
-    /// Of w·d and w², w = −ω Δt × P m̄.
-    wd: f64,
-    ww: f64,
-    /// Of Wᵀd and Wᵀw, W = −\[ω Δt ×\], and of WᵀW.
-    bd: Vector3<f64>,
-    bw: Vector3<f64>,
-    bb: Matrix3<f64>,
+    jd: Vector4<f64>,
+    jj: Matrix4<f64>,
 }
 
 impl Sums {
-    fn plus(&self, other: &Self) -> Self {
+    fn of(axes: &Axes, intervals: &[Interval]) -> Self {
+        let each = intervals.iter().map(|i| {
+            let (d, w) = (turned(&i.change, axes), -i.angle.cross(&turned(&i.mean, axes)));
+            let cross = i.angle.cross_matrix();
+            let j = Matrix3x4::from_columns(&[w, cross.column(0).into(), cross.column(1).into(), cross.column(2).into()]);
+            Self {
+                dd: d.norm_squared(),
+                jd: j.tr_mul(&d),
+                jj: j.tr_mul(&j),
+            }
+        });
+        each.fold(Self::default(), Self::plus)
+    }
+
+    fn plus(self, other: Self) -> Self {
         Self {
             dd: self.dd + other.dd,
-            wd: self.wd + other.wd,
-            ww: self.ww + other.ww,
-            bd: self.bd + other.bd,
-            bw: self.bw + other.bw,
-            bb: self.bb + other.bb,
+            jd: self.jd + other.jd,
+            jj: self.jj + other.jj,
         }
     }
 
-    fn inverse(&self) -> Matrix3<f64> {
+    /// The best factor k of the gyros; zero if nothing turns.
+    fn factor(&self) -> f64 {
         // The field of the body along an axis without rotation is not observable: the ridge keeps the matrix
         // invertible.
-        let ridge = Matrix3::identity() * (1e-6 * self.bb.trace());
-        (self.bb + ridge).try_inverse().unwrap_or_else(Matrix3::zeros)
+        let ridge = Matrix4::from_diagonal(&Vector4::new(0.0, 1.0, 1.0, 1.0)) * self.ridge();
+        (self.jj + ridge).try_inverse().map_or(0.0, |inverse| (inverse * self.jd).x)
     }
 
-    /// The best factor of the gyros.
-    fn factor(&self) -> f64 {
-        let inverse = self.inverse();
-        let (along, size) = (
-            self.wd - self.bw.dot(&(inverse * self.bd)),
-            self.ww - self.bw.dot(&(inverse * self.bw)),
-        );
-        if size > 0.0 { along / size } else { 0.0 }
+    fn ridge(&self) -> f64 {
+        1e-6 * self.jj.fixed_view::<3, 3>(1, 1).trace()
     }
 
-    /// The best field of the body for a factor, multiplied by this factor.
-    fn body(&self, factor: f64) -> Vector3<f64> {
-        self.inverse() * (self.bw * factor - self.bd)
-    }
-
-    /// The residual for this factor.
-    fn left(&self, factor: f64) -> f64 {
-        let rest = self.bw * factor - self.bd;
-        self.dd - 2.0 * factor * self.wd + math::powi(factor, 2) * self.ww - rest.dot(&self.body(factor))
+    /// For this factor, the best field of the body multiplied by it, and the residual.
+    fn with(&self, factor: f64) -> (Vector3<f64>, f64) {
+        let body = self.jj.fixed_view::<3, 3>(1, 1) + Matrix3::identity() * self.ridge();
+        let rest = self.jd.fixed_rows::<3>(1) - self.jj.fixed_view::<3, 1>(1, 0) * factor;
+        let best = body.try_inverse().map_or_else(Vector3::zeros, |inverse| inverse * rest);
+        let left = self.dd - 2.0 * factor * self.jd.x + math::powi(factor, 2) * self.jj.m11 - rest.dot(&best);
+        (best, left)
     }
 }
 
@@ -164,13 +161,13 @@ fn judge_by(intervals: &[Interval], is_north: Option<bool>) -> (Told, usize) {
     let all: Vec<Axes> = permutations().into_iter().filter(|axes| handedness(axes) > 0.0).collect();
     let part = |p: usize| p * count / PARTS..(p + 1) * count / PARTS;
     let parts: Vec<Vec<Sums>> = (0..PARTS)
-        .map(|p| all.iter().map(|axes| sums(axes, &intervals[part(p)])).collect())
+        .map(|p| all.iter().map(|axes| Sums::of(axes, &intervals[part(p)])).collect())
         .collect();
     let whole: Vec<Sums> = (0..all.len())
-        .map(|k| parts.iter().fold(Sums::default(), |sum, part| sum.plus(&part[k])))
+        .map(|k| parts.iter().fold(Sums::default(), |sum, part| sum.plus(part[k])))
         .collect();
     let factors: Vec<f64> = whole.iter().map(Sums::factor).collect();
-    let left: Vec<f64> = whole.iter().zip(&factors).map(|(sums, factor)| sums.left(*factor)).collect();
+    let left: Vec<f64> = whole.iter().zip(&factors).map(|(sums, factor)| sums.with(*factor).1).collect();
     let Some(best) = (0..all.len()).min_by(|a, b| left[*a].total_cmp(&left[*b])) else {
         return (Told::Few, count);
     };
@@ -191,9 +188,9 @@ fn judge_by(intervals: &[Interval], is_north: Option<bool>) -> (Told, usize) {
     };
     let better = parts
         .iter()
-        .filter(|part| part[best].left(factors[best]) < part[declared].left(1.0))
+        .filter(|part| part[best].with(factors[best]).1 < part[declared].with(1.0).1)
         .count();
-    let is_other = left[best] < BETTER * whole[declared].left(1.0) && better >= PARTS_BETTER;
+    let is_other = left[best] < BETTER * whole[declared].with(1.0).1 && better >= PARTS_BETTER;
     let told = if is_alike(declared) && is_sized(declared) {
         match alike().count() {
             1 => sided(&all[best], &whole[best], intervals, is_north, false),
@@ -216,7 +213,7 @@ fn judge_by(intervals: &[Interval], is_north: Option<bool>) -> (Told, usize) {
 /// The axes of the field, or their opposites: if the field points up where it should point down, all signs are wrong.
 fn sided(axes: &Axes, sums: &Sums, intervals: &[Interval], is_north: Option<bool>, is_other: bool) -> Told {
     let factor = sums.factor();
-    let down = steepness(axes, sums.body(factor) / factor, intervals);
+    let down = steepness(axes, sums.with(factor).0 / factor, intervals);
     match is_north.filter(|_| down.abs() > STEEP).map(|is_north| (down > 0.0) == is_north) {
         Some(true) if is_other => Told::Other(*axes),
         Some(false) => Told::Other(axes.map(|(axis, negative)| (axis, !negative))),
@@ -265,21 +262,6 @@ fn intervals(field: &Track, rates: &Track, forces: &Track, step: f64) -> Vec<Int
     (0..steps.saturating_sub(1)).filter_map(of).collect()
 }
 
-fn sums(axes: &Axes, intervals: &[Interval]) -> Sums {
-    intervals.iter().fold(Sums::default(), |sum, i| {
-        let (d, w) = (turned(&i.change, axes), -i.angle.cross(&turned(&i.mean, axes)));
-        let b = -i.angle.cross_matrix();
-        sum.plus(&Sums {
-            dd: d.norm_squared(),
-            wd: w.dot(&d),
-            ww: w.norm_squared(),
-            bd: b.transpose() * d,
-            bw: b.transpose() * w,
-            bb: b.transpose() * b,
-        })
-    })
-}
-
 /// All signed permutations.
 pub(super) fn permutations() -> Vec<Axes> {
     const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
@@ -301,7 +283,7 @@ impl Judge<'_> {
         for track in self.all("magnetic_field") {
             let with = format!("the turns of {}", self.name(&rates));
             if !self.found.mistakes.is_empty() {
-                self.untold(&track, &with, "not judged while something else is wrong");
+                self.list(&track, &with, 0, "not judged while something else is wrong");
                 continue;
             }
             let (told, samples) = judge(&track, &rates, &forces, is_north);
@@ -337,30 +319,17 @@ impl Judge<'_> {
             },
             Told::Small(small) => sized(*small),
         };
-        self.found.comparisons.push(Comparison {
-            what: self.name(wrong),
-            with: with.clone(),
-            samples,
-            correlation: Vec::new(),
-            margin: 0.0,
-            verdict,
-        });
+        self.list(wrong, &with, samples, verdict);
         let compared = Compared {
             with: &with,
-            is_world: false,
-            limit: FAR,
-            lack: LONG,
-            shift: 0.0,
-            axes: None,
-            or: None,
+            ..Compared::default()
         };
-        let mistake = match told {
+        match told {
             Told::Other(axes) => self.axes(track, &axes.map(Some), Some(Whole { axes: *axes, open: None }), &compared),
             Told::Gyros(known) if *known != [None; 3] => self.axes(rates, known, complete(*known, |_, _| None), &compared),
             Told::Small(small) => self.factor(rates, &with, *small, 0.25),
-            _ => return,
-        };
-        self.found.mistakes.push(mistake);
+            _ => {}
+        }
     }
 }
 
@@ -465,7 +434,11 @@ mod tests {
             // 10 %: over half a second of such rotation the arc differs from its chord.
             assert!((small * factor - 1.0).abs() < 0.1, "{factor}: {small}");
         }
-        assert_eq!(told(&with_gyros(&DECLARED, 1.05), Some(true)), RIGHT, "a scale is none");
+        assert_eq!(
+            told(&with_gyros(&DECLARED, 1.05), Some(true)),
+            RIGHT,
+            "5 % is an error of the scale, not another unit"
+        );
     }
 
     #[test]

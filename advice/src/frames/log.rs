@@ -1,5 +1,6 @@
 //! The recorded motion channels of a design, decimated while they are read.
 
+use super::regression::{Fits, Pairs, fits};
 use fusion::config::Diagnostics;
 use fusion::design::Design;
 use fusion::rows::RowStream;
@@ -30,6 +31,9 @@ pub(super) const COMPARED: [Channel; 8] = [
     channel::HEADING,
     Channel::vector("pressure", 1, dim::Pressure::KIND.dimension),
 ];
+
+/// The expected mean from one time to another, for each axis; NaN if unknown.
+pub(super) type Told = (f64, f64, Vector3<f64>);
 
 /// A channel of a source over time.
 #[derive(Clone, Debug)]
@@ -71,6 +75,24 @@ impl Track {
             Some(length(before) + share * (length(next) - length(before)))
         };
         Some((at(to)? - at(from)?) / (to - from))
+    }
+
+    /// The expected values, with the means of the values measured `lag` earlier.
+    pub(super) fn pairs(&self, told: &[Told], lag: f64) -> Pairs {
+        let measured = told
+            .iter()
+            .filter_map(|(from, to, expected)| Some((*expected, self.mean(from - lag, to - lag)?)));
+        measured.collect()
+    }
+
+    /// How its axes explain the expected values.
+    pub(super) fn fits(&self, told: &[Told], lag: f64) -> Fits {
+        fits(&self.pairs(told, lag))
+    }
+
+    /// Returns true for a track of the same channel.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        self.source == other.source && self.channel == other.channel
     }
 
     fn integral(&self, at: f64) -> Option<Vector3<f64>> {

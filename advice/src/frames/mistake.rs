@@ -1,8 +1,11 @@
 //! The text for a mistake, and its correction.
 
-use fusion::config::{Diagnostic, Edit, Node};
+use super::regression::Known;
+use fusion::config::{Diagnostic, Diagnostics, Edit, Node};
+use fusion::design::{Named, SourceDesign};
 use fusion_core::math;
-use fusion_models::units::parse_unit;
+use fusion_models::units::{Duration, parse_unit};
+use nalgebra::Vector3;
 
 /// For each body axis: the declared axis, and whether its sign is inverted.
 pub(super) type Axes = [(usize, bool); 3];
@@ -34,7 +37,7 @@ impl Whole {
 
 /// Completes the known axes. If one axis is missing, it must be the remaining one, and `sign` says if it is negated.
 /// `None` if too few axes are known, or if an axis occurs twice.
-pub(super) fn complete(known: [Option<(usize, bool)>; 3], sign: impl Fn(usize, usize) -> Option<bool>) -> Option<Whole> {
+pub(super) fn complete(known: Known, sign: impl Fn(usize, usize) -> Option<bool>) -> Option<Whole> {
     let missing: Vec<usize> = (0..3).filter(|i| known[*i].is_none()).collect();
     let mut axes = known.map(|k| k.unwrap_or((3, false)));
     let mut open = None;
@@ -63,6 +66,11 @@ pub(super) fn handedness(axes: &Axes) -> f64 {
         .enumerate()
         .for_each(|(row, (axis, negative))| m[(row, *axis)] = if *negative { -1.0 } else { 1.0 });
     m.determinant()
+}
+
+/// The vector in the corrected axes.
+pub(super) fn turned(v: &Vector3<f64>, axes: &Axes) -> Vector3<f64> {
+    Vector3::from_fn(|row, _| if axes[row].1 { -v[axes[row].0] } else { v[axes[row].0] })
 }
 
 pub(super) fn signed(name: &str, negative: bool) -> String {
@@ -136,7 +144,7 @@ pub(super) fn of_rows(is_world: bool, is_one: impl Fn(usize) -> bool) -> String 
 }
 
 /// The differences, for each axis: `north is the declared east`.
-pub(super) fn differing(known: &[Option<(usize, bool)>; 3], is_world: bool) -> String {
+pub(super) fn differing(known: &Known, is_world: bool) -> String {
     let (are, declared) = if is_world { (WORLD, WORLD) } else { (BODY, NAMES) };
     let differ = known
         .iter()
@@ -235,6 +243,29 @@ pub(super) fn is_of_velocities(factor: f64) -> bool {
     sizes
         .map(|(size, _)| size)
         .any(|size| (math::ln(factor).abs() - math::ln(size).abs()).abs() < 0.05)
+}
+
+/// The advice for numbers that fit no unit.
+pub(super) fn check_unit() -> Remedy {
+    Remedy::words("check `unit` and `scale`")
+}
+
+/// The `time.offset` that a source declares \[s\].
+pub(super) fn declared_offset(source: &Node) -> f64 {
+    let declared: Option<Duration> = source.at("time.offset").and_then(|n| n.read(&mut Diagnostics::new()));
+    declared.map_or(0.0, Duration::si)
+}
+
+/// The stamps of a source are wrong: with `by` seconds more they are right. `or` is more advice.
+pub(super) fn shifted(source: &Named<SourceDesign>, by: f64, message: String, or: &str) -> Diagnostic {
+    let offset = declared_offset(&source.node) + by;
+    let edit = Edit::set(format!("source.{}.time.offset", source.name), format!("\"{offset:.2} s\""));
+    let place = source
+        .node
+        .at("time.offset")
+        .map_or_else(|| source.node.place_of("time"), Node::place);
+    let help = format!("{edit}{or}");
+    Diagnostic::warning(message).at(place).rule("clock").help(help).edits(vec![edit])
 }
 
 /// The possible cause of a wrong factor, and its correction. `small` is the factor by which the numbers are too small.

@@ -6,7 +6,7 @@
 //! | position | the origin of the design, the position of the reference (`place.rs`) |
 //! | velocity | the slope of the position of its source, or of another (`world.rs`) |
 //! | stamps of an inertial unit | any source that measures rotation, shifted against it (`clock.rs`) |
-//! | attitude, heading | the course; forces and rates of the inertial unit together (`redeclared.rs`) |
+//! | attitude, heading | the course; forces and rates of the inertial unit together (`attitude.rs`) |
 //! | specific force | gravity; the slope of the velocity, ahead and to the right of the course |
 //! | angular rate | the rotation of the attitude, or of the course and of the direction of gravity |
 //! | magnetic field | the rotation of the field in an inertial unit, and of the unit in the field (`field.rs`) |
@@ -23,7 +23,10 @@
 //!
 //! Without data, the units that the names of columns state are compared with the declared units (`header.rs`).
 
+mod attitude;
 mod clock;
+mod compare;
+mod declared;
 mod field;
 mod free;
 mod header;
@@ -34,8 +37,8 @@ mod mistake;
 mod motion;
 mod place;
 mod range;
-mod redeclared;
 mod regression;
+mod unit;
 mod upright;
 mod world;
 

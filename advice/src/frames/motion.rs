@@ -1,6 +1,6 @@
 //! The motion between two samples of a position, velocity or attitude.
 
-use super::log::Track;
+use super::log::{Told, Track};
 use fusion_core::geometry::so3::{log, rotation, to_rpy, wrap_angle};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::math;
@@ -15,9 +15,6 @@ pub(super) const LONGEST: f64 = 3.0;
 pub(super) const MUCH: f64 = 1.0;
 /// Gravity \[m/s²\], as accurate as a comparison needs.
 pub(super) const GRAVITY: f64 = 9.81;
-
-/// The expected mean from one time to another, for each axis; NaN if unknown.
-pub(super) type Told = (f64, f64, Vector3<f64>);
 
 /// The mean velocity between two positions, over intervals of at least `seconds`.
 pub(super) fn slopes(track: &Track, seconds: f64) -> Vec<Told> {

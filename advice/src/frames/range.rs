@@ -1,13 +1,14 @@
 //! Finds values that are impossible on Earth, and row rates that are too low or too high. They show a wrong unit if no
 //! column name and no other channel does.
 
-use super::judge::{Comparison, Judge};
+use super::judge::Judge;
 use super::log::Track;
-use super::mistake::{Remedy, at, fitting};
+use super::mistake::{check_unit, fitting};
+use crate::inspect::median;
 use fusion::config::{Diagnostic, Edit, Node};
-use fusion_core::math;
 use fusion_models::units::parse_unit;
 use fusion_tables::short;
+use nalgebra::Vector3;
 
 /// The range of a channel on Earth.
 struct Range {
@@ -63,31 +64,21 @@ impl Judge<'_> {
             let says = |key: &str| node.get(key).and_then(Node::as_str);
             says("type") == Some(range.sensor) && says("source") == Some(source)
         };
-        let Some(median) = median(track).filter(|size| *size > 0.0) else {
-            return;
-        };
-        let ([least, most], beyond) = (range.is, range.beyond);
+        let ([least, most], size) = (range.is, size(track));
         let is_within = |size: f64, by: f64| (least / by..most * by).contains(&size);
-        if !self.design.sensors.iter().any(|sensor| is_read(&sensor.node)) || is_within(median, beyond) {
+        let is_beyond = size > 0.0 && !is_within(size, range.beyond);
+        if !(is_beyond && self.design.sensors.iter().any(|sensor| is_read(&sensor.node))) {
             return;
         }
-        let node = self.node(track);
-        let declared = node.at(&format!("channels.{}.unit", track.channel)).and_then(Node::as_str);
-        let declared = declared.unwrap_or(range.units[0]);
-        let size = |unit: &str| parse_unit(unit).ok().map(|(size, _)| size);
-        let is_right = |unit: &&&str| match (size(declared), size(unit)) {
-            (Some(is), Some(other)) => is_within(median / is * other, 1.2),
-            _ => false,
-        };
-        let help = match range.units.iter().find(is_right) {
-            Some(unit) => fitting(declared, unit),
-            None => Remedy::words("check `unit` and `scale`"),
-        };
-        let shown = size(declared).map_or(median, |size| median / size);
+        let declared = self.channel(track).and_then(|table| table.get("unit")).and_then(Node::as_str);
+        let declared = declared.unwrap_or(range.units[0]).to_owned();
+        let unit = fits(range.units, &declared, |factor| is_within(size * factor, 1.2));
+        let help = unit.map_or_else(check_unit, |unit| fitting(&declared, unit));
+        let shown = parse_unit(&declared).map_or(size, |(unit, _)| size / unit);
         let verdict = format!("a median of {} {declared}: not {}", short(shown), range.words);
         let message = format!("`{}` has {verdict}", self.name(track));
-        let told = help.of(at("unit", node, track.channel, "unit", message), &self.table(track));
-        self.told_of(track, range.words, verdict, told);
+        self.accuse(track, "unit", "unit", message, help);
+        self.list(track, range.words, track.times.len(), verdict);
     }
 
     /// Compares the row rate of an inertial unit with the usual range. Returns true if it is plausible.
@@ -98,68 +89,53 @@ impl Judge<'_> {
                 continue;
             }
             sources.push(track.source);
-            let Some(rate) = rows(&track) else { continue };
             let [least, most] = RATES;
             // A rate down to a tenth of the limit may be real. Stamps in milliseconds give a much lower one.
-            if (least / 10.0..most).contains(&rate) {
+            let Some(rate) = rows(&track).filter(|rate| !(least / 10.0..most).contains(rate)) else {
                 continue;
-            }
+            };
             let named = &self.design.sources[track.source];
             let declared = named.node.at("time.unit").and_then(Node::as_str).unwrap_or("s");
-            let size = |unit: &str| parse_unit(unit).ok().map(|(size, _)| size);
-            let is_right = |unit: &&str| match (size(declared), size(unit)) {
-                (Some(is), Some(other)) => (least..most / 2.0).contains(&(rate * is / other)),
-                _ => false,
+            let Some(unit) = fits(&STAMPS, declared, |factor| (least..most / 2.0).contains(&(rate / factor))) else {
+                continue;
             };
-            let Some(unit) = STAMPS.into_iter().find(is_right) else { continue };
             let verdict = format!("a row every {} s", short(1.0 / rate));
             let message = format!("`{}` has {verdict}: no inertial unit has", named.name);
             let place = named.node.at("time").map_or_else(|| named.node.place_of("time"), Node::place);
             let edit = Edit::set(format!("source.{}.time.unit", named.name), format!("{unit:?}"));
             let help = format!("`{declared}` is declared, the stamps fit `{unit}`: {edit}");
-            let told = Diagnostic::warning(message)
-                .at(place)
-                .rule("clock-unit")
-                .help(help)
-                .edits(vec![edit]);
-            self.told_of(&track, "the rows of an inertial unit", verdict, told);
+            let told = Diagnostic::warning(message).at(place).rule("clock-unit");
+            self.found.mistakes.push(told.help(help).edits(vec![edit]));
+            self.list(&track, "the rows of an inertial unit", track.times.len(), verdict);
         }
         self.found.mistakes.is_empty()
-    }
-
-    fn told_of(&mut self, track: &Track, with: &str, verdict: String, mistake: Diagnostic) {
-        self.found.comparisons.push(Comparison {
-            what: self.name(track),
-            with: with.to_owned(),
-            samples: track.times.len(),
-            correlation: Vec::new(),
-            margin: 0.0,
-            verdict,
-        });
-        self.found.mistakes.push(mistake);
     }
 }
 
 /// The median size.
-fn median(track: &Track) -> Option<f64> {
-    let length = |v: &[f64]| math::sqrt(v[..3].iter().map(|v| v * v).sum::<f64>());
-    let mut sizes: Vec<f64> = if track.integrates {
-        let pairs = track.times.windows(2).filter_map(|t| track.mean(t[0], t[1]));
-        pairs.map(|mean| mean.norm()).collect()
+fn size(track: &Track) -> f64 {
+    let length = |v: &[f64; 4]| Vector3::new(v[0], v[1], v[2]).norm();
+    if track.integrates {
+        let means = track.times.windows(2).filter_map(|t| track.mean(t[0], t[1]));
+        median(means.map(|mean| mean.norm()))
     } else {
-        track.values.iter().map(|v| length(v)).collect()
-    };
-    sizes.sort_by(f64::total_cmp);
-    sizes.get(sizes.len() / 2).copied()
+        median(track.values.iter().map(length))
+    }
 }
 
 /// Rows per second, from the median interval if rows are far apart.
 fn rows(track: &Track) -> Option<f64> {
-    let mut steps: Vec<f64> = track.times.windows(2).map(|t| t[1] - t[0]).collect();
-    steps.sort_by(f64::total_cmp);
-    let middle = steps.get(steps.len() / 2).copied();
-    match middle {
-        Some(step) if step > 1.0 => Some(1.0 / step),
-        _ => (track.rate > 0.0).then_some(track.rate),
-    }
+    let step = median(track.times.windows(2).map(|t| t[1] - t[0]));
+    let rate = if step > 1.0 { 1.0 / step } else { track.rate };
+    (rate > 0.0).then_some(rate)
+}
+
+/// The unit with which a number that was read in the `declared` unit is right.
+fn fits(units: &[&'static str], declared: &str, is_right: impl Fn(f64) -> bool) -> Option<&'static str> {
+    let size = |unit: &str| parse_unit(unit).ok().map(|(size, _)| size);
+    let declared = size(declared)?;
+    units
+        .iter()
+        .copied()
+        .find(|unit| size(unit).is_some_and(|other| is_right(other / declared)))
 }

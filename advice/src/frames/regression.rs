@@ -4,6 +4,7 @@
 //! removes biases. Correlations are compared by Fisher's z = artanh ρ. The jackknife gives the standard error of z: the
 //! scatter between parts of the log covers correlated errors of unknown size and duration.
 
+use crate::findings::level::{BY_CHANCE, beyond, standard_errors};
 use fusion_core::math;
 use nalgebra::Vector3;
 
@@ -15,22 +16,19 @@ const FEWEST: usize = 8;
 const SHORTEST: usize = 6;
 /// The least number of samples.
 pub(super) const ENOUGH: usize = FEWEST * SHORTEST;
-/// An explanation is better from this number of standard errors. For 100 comparisons of twenty parts, Student's t with
-/// 19 degrees of freedom exceeds 6 by chance in 1 of 2000 logs.
-pub(super) const CERTAIN: f64 = 6.0;
-/// ... and from this correlation. A small but certain correlation may come from sensitive axes that are not orthogonal.
-pub(super) const CLEAR: f64 = 0.4;
-/// ... or from this number, if the correlation reaches `PLAIN`. A value that rises and falls once or twice scatters
-/// between the parts.
-const LIKELY: f64 = 4.0;
-const PLAIN: f64 = 0.9;
+/// The explanations that a log offers: three rows, each by three axes with two signs, in so many comparisons.
+const EXPLANATIONS: usize = 3 * 3 * 2 * 6;
+/// The least correlation of an explanation: cos 66°. A small but certain correlation may come from sensitive axes that
+/// are not orthogonal.
+const CLEAR: f64 = 0.4;
+/// From this correlation, cos 26°, there is only one explanation to judge. A value that rises and falls once or twice
+/// scatters between the parts.
+pub(super) const PLAIN: f64 = 0.9;
 /// The least factor that means wrong numbers, not just inexact ones. It is for two channels that measure the same
 /// quantity, such as a velocity and the slope of a position. Scale errors of instruments are smaller.
 pub(super) const NEAR: f64 = 1.25;
 /// ... and for a comparison with a course, which slips, lags and cuts corners.
 pub(super) const FAR: f64 = 2.0;
-/// Standard errors from which a correlation decides a sign, if nothing else does.
-const LEANS: f64 = 3.0;
 
 /// The best explanation of the expected value along one axis.
 #[derive(Clone, Copy, Debug)]
@@ -50,8 +48,9 @@ pub(super) struct Fit {
     pub(super) factor: [f64; 2],
     /// How well each axis explains the expected value, in standard errors, with the sign of the correlation.
     pub(super) along: [f64; 3],
-    /// Samples.
+    /// Samples, and the number of parts that give the standard errors.
     pub(super) count: usize,
+    pub(super) parts: usize,
 }
 
 impl Fit {
@@ -65,14 +64,24 @@ impl Fit {
         self.is_clear() && self.margin >= self.certain()
     }
 
+    /// Returns true if it is better than the declaration by more than chance, at any correlation.
+    pub(super) fn is_better(&self) -> bool {
+        self.margin >= standard_errors(EXPLANATIONS, self.parts)
+    }
+
+    /// Returns true if this is more than no explanation, for a result that is certain by other data.
+    pub(super) fn confirms(&self) -> bool {
+        self.certainty >= beyond(BY_CHANCE, self.parts)
+    }
+
     fn certain(&self) -> f64 {
-        if self.correlation >= PLAIN { LIKELY } else { CERTAIN }
+        standard_errors(if self.correlation >= PLAIN { 1 } else { EXPLANATIONS }, self.parts)
     }
 
     /// Returns true if an axis explains it with the inverted sign; `None` if the data do not decide.
     pub(super) fn leans(&self, axis: usize) -> Option<bool> {
         let z = self.along[axis];
-        (z.abs() >= LEANS).then_some(z < 0.0)
+        (z.abs() >= standard_errors(1, self.parts)).then_some(z < 0.0)
     }
 
     /// The factor, if the data exclude all factors from 1/`limit` to `limit`.
@@ -83,15 +92,69 @@ impl Fit {
     }
 }
 
-/// Explains `expected` by an axis of `measured`; `own` is the declared axis. `None` if the log is too short.
-pub(super) fn fit(own: usize, expected: &[f64], measured: &[Vector3<f64>]) -> Option<Fit> {
-    let count = (expected.len() / SHORTEST).min(PARTS);
+/// Expected and measured values of the same times; NaN where the expected value of a row is unknown.
+pub(super) type Pairs = Vec<(Vector3<f64>, Vector3<f64>)>;
+
+/// The explanations of the expected values, row by row.
+pub(super) type Fits = [Option<Fit>; 3];
+
+/// For each row the axis that it is found at, and whether its sign is inverted; `None` if the data do not decide.
+pub(super) type Known = [Option<(usize, bool)>; 3];
+
+/// Explains each row by an axis of the measured values.
+pub(super) fn fits(pairs: &Pairs) -> Fits {
+    [0, 1, 2].map(|row| fit(row, pairs))
+}
+
+/// The axes that the data determine.
+pub(super) fn known(fits: &Fits) -> Known {
+    [0, 1, 2].map(|row| {
+        let fit = fits[row].filter(Fit::is_clear)?;
+        let best = (fit.axis, fit.negative);
+        (fit.is_other() || best == (row, false)).then_some(best)
+    })
+}
+
+/// The factor by which all clear axes are wrong, and the accuracy of its logarithm. A wrong factor on only one of
+/// several axes may come from the comparison itself.
+pub(super) fn wrong_factor(fits: &Fits, limit: f64) -> Option<(f64, f64)> {
+    let clear = || fits.iter().flatten().filter(|f| f.is_clear());
+    let is_wrong = clear().all(|f| f.wrong_factor(limit).is_some());
+    let first = clear().next().filter(|_| is_wrong)?;
+    let [least, most] = first.factor;
+    Some((first.wrong_factor(limit)?, math::ln(most / least) / 2.0))
+}
+
+/// Returns true if only north and east are wrong by a factor: angles in another unit.
+pub(super) fn wrong_across(fits: &Fits) -> bool {
+    let wrong = |row: usize| fits[row].is_some_and(|f| f.wrong_factor(NEAR).is_some());
+    wrong(0) && wrong(1) && !wrong(2)
+}
+
+/// A vote for (1) or against (−1) the declaration.
+pub(super) fn vote(fits: &Fits, limit: f64) -> i32 {
+    let known = known(fits);
+    let is_other = (0..3).any(|row| known[row].is_some_and(|k| k != (row, false)));
+    if is_other || wrong_factor(fits, limit).is_some() || wrong_across(fits) {
+        -1
+    } else {
+        i32::from(known != [None; 3])
+    }
+}
+
+/// Explains a row by an axis of the measured values; the axis of this number is the declared one. `None` if the log is
+/// too short.
+pub(super) fn fit(row: usize, pairs: &Pairs) -> Option<Fit> {
+    let pairs: Vec<(f64, Vector3<f64>)> = pairs
+        .iter()
+        .filter_map(|(expected, measured)| Some((expected[row], *measured)).filter(|(e, _)| e.is_finite()))
+        .collect();
+    let count = (pairs.len() / SHORTEST).min(PARTS);
     if count < FEWEST {
         return None;
     }
-    let bound = |part: usize| part * expected.len() / count;
-    let range = |part: usize| bound(part)..bound(part + 1);
-    let parts: Vec<Moments> = (0..count).map(|p| Moments::of(&expected[range(p)], &measured[range(p)])).collect();
+    let bound = |part: usize| part * pairs.len() / count;
+    let parts: Vec<Moments> = (0..count).map(|part| Moments::of(&pairs[bound(part)..bound(part + 1)])).collect();
     let all = parts.iter().fold(Moments::default(), |a, b| a.plus(b, 1.0));
     let rho = Vector3::from_fn(|axis, _| all.correlation(axis));
     let axis = rho.iamax();
@@ -101,7 +164,7 @@ pub(super) fn fit(own: usize, expected: &[f64], measured: &[Vector3<f64>]) -> Op
     }
     let without: Vec<Moments> = parts.iter().map(|p| all.plus(p, -1.0)).collect();
     let best = |m: &Moments| sign * m.fisher(axis);
-    let is_declared = axis == own && sign > 0.0;
+    let is_declared = axis == row && sign > 0.0;
     let slope = all.em[axis].abs() / all.mm[axis];
     Some(Fit {
         axis,
@@ -111,11 +174,12 @@ pub(super) fn fit(own: usize, expected: &[f64], measured: &[Vector3<f64>]) -> Op
         margin: if is_declared {
             0.0
         } else {
-            certainty(&all, &without, |m| best(m) - m.fisher(own))
+            certainty(&all, &without, |m| best(m) - m.fisher(row))
         },
         factor: [slope, all.ee / all.em[axis].abs()],
         along: [0, 1, 2].map(|axis| certainty(&all, &without, |m| m.fisher(axis))),
-        count: expected.len(),
+        count: pairs.len(),
+        parts: count,
     })
 }
 
@@ -128,19 +192,18 @@ struct Moments {
 }
 
 impl Moments {
-    fn of(e: &[f64], m: &[Vector3<f64>]) -> Self {
-        let n = e.len() as f64;
-        let (mean_e, mean_m) = (e.iter().sum::<f64>() / n, m.iter().sum::<Vector3<f64>>() / n);
-        e.iter().zip(m).fold(Self::default(), |sums, (e, m)| {
+    fn of(pairs: &[(f64, Vector3<f64>)]) -> Self {
+        let n = pairs.len() as f64;
+        let mean_e = pairs.iter().map(|(e, _)| e).sum::<f64>() / n;
+        let mean_m = pairs.iter().map(|(_, m)| m).sum::<Vector3<f64>>() / n;
+        pairs.iter().fold(Self::default(), |sums, (e, m)| {
             let (e, m) = (e - mean_e, m - mean_m);
-            sums.plus(
-                &Self {
-                    ee: e * e,
-                    em: m * e,
-                    mm: m.component_mul(&m),
-                },
-                1.0,
-            )
+            let squares = Self {
+                ee: e * e,
+                em: m * e,
+                mm: m.component_mul(&m),
+            };
+            sums.plus(&squares, 1.0)
         })
     }
 

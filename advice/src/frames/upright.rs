@@ -3,6 +3,7 @@
 use super::log::Track;
 use super::motion::GRAVITY;
 use super::regression::Fit;
+use crate::inspect::median;
 use fusion_core::math;
 use nalgebra::Vector3;
 
@@ -20,9 +21,7 @@ impl Upright {
     pub(super) fn of(track: &Track) -> Option<Self> {
         let times = track.times.iter().zip(track.times.iter().skip(10));
         let seconds: Vec<Vector3<f64>> = times.step_by(10).filter_map(|(a, b)| track.mean(*a, *b)).collect();
-        let mut sizes: Vec<f64> = seconds.iter().map(|f| f.norm()).collect();
-        sizes.sort_by(f64::total_cmp);
-        let size = *sizes.get(sizes.len() / 2)?;
+        let size = median(seconds.iter().map(|f| f.norm()));
         let mean = seconds.iter().sum::<Vector3<f64>>() / seconds.len() as f64;
         let axis = mean.iamax();
         let is_along = mean[axis].abs() > UPRIGHT * mean.norm() && mean.norm() > UPRIGHT * size && size > 0.0;
@@ -55,6 +54,7 @@ impl Upright {
                 _ => 0.0,
             }),
             count: self.count,
+            parts: self.count,
         }
     }
 }

@@ -2,16 +2,19 @@
 //! which is right.
 
 use super::clock;
+use super::compare::{Compared, sized};
+use super::declared::Declaration;
 use super::heading::Turned;
-use super::judge::{Compared, Comparison, Expected, Judge, LONG, known, sized, turned, wrong_factor};
-use super::log::Track;
-use super::mistake::{self, Remedy, Whole, at, complete, differing};
-use super::motion::{MIN_SPEED, Told, Velocities, course, headings, slopes};
-use super::place::{self, Change};
-use super::regression::{FAR, Fit, NEAR};
-use fusion::config::{Diagnostic, Node};
+use super::judge::{Comparison, Judge};
+use super::log::{Told, Track};
+use super::mistake::{self, Remedy, differing, turned};
+use super::motion::{MIN_SPEED, Velocities, course, headings, slopes};
+use super::place;
+use super::regression::{FAR, Fit, Fits, NEAR, Pairs, fits, known, vote, wrong_across, wrong_factor};
+use super::unit::LONG;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::math;
+use nalgebra::Vector3;
 
 /// Positions further than this from the origin of the design are wrong \[m\].
 const FROM_ORIGIN: f64 = 1e6;
@@ -35,10 +38,6 @@ impl Moved {
         self.track.channel == "position"
     }
 
-    fn is(&self, track: &Track) -> bool {
-        self.track.source == track.source && self.track.channel == track.channel
-    }
-
     fn told(&self, seconds: f64) -> Vec<Told> {
         if self.is_position() {
             slopes(&self.track, seconds)
@@ -49,13 +48,13 @@ impl Moved {
 
     /// The agreement of this track, as measured, with another, as expected. For each axis it is the clearest fit over
     /// short and long intervals.
-    fn beside(&self, other: &Self) -> [Option<Fit>; 3] {
+    fn beside(&self, other: &Self) -> Fits {
         let [fast, slow] = [0.0, STRIDE].map(|seconds| {
-            let mut expected = Expected::default();
             let told = other.told(seconds).into_iter();
-            let pairs = told.filter_map(|(from, to, v)| Some((v, self.velocities.mean(from, to)?)));
-            pairs.for_each(|(v, m)| expected.push_all(&v, m));
-            expected.fits()
+            let pairs: Pairs = told
+                .filter_map(|(from, to, v)| Some((v, self.velocities.mean(from, to)?)))
+                .collect();
+            fits(&pairs)
         });
         let clearest = core::array::from_fn(|row| match (fast[row], slow[row]) {
             (Some(fast), Some(slow)) if slow.certainty > fast.certainty => Some(slow),
@@ -74,22 +73,9 @@ impl Moved {
     }
 }
 
-/// Returns true if fits contradict the declaration.
-pub(super) fn is_contradicted(fits: &[Option<Fit>; 3], limit: f64) -> bool {
-    let known = known(fits);
-    let is_other = |row: usize| known[row].is_some_and(|k| k != (row, false));
-    (0..3).any(is_other) || wrong_factor(fits, limit).is_some() || wrong_across(fits)
-}
-
-/// Returns true if only north and east are wrong by a factor: angles in another unit.
-fn wrong_across(fits: &[Option<Fit>; 3]) -> bool {
-    let wrong = |row: usize| fits[row].is_some_and(|f| f.wrong_factor(NEAR).is_some());
-    wrong(0) && wrong(1) && !wrong(2)
-}
-
 /// Removes the axes with too few samples. Motion faster than the sample rate looks slow. Then velocity and slope agree
 /// up to some factor, with either sign. A wrong unit gives a known factor, or the same factor on another axis.
-fn resolved(fits: [Option<Fit>; 3]) -> [Option<Fit>; 3] {
+fn resolved(fits: Fits) -> Fits {
     let factor = |row: usize| fits[row].and_then(|f| f.wrong_factor(FAR));
     let is_alone = |row: usize, of: f64| {
         let mut others = (0..3).filter(|other| *other != row).filter_map(factor);
@@ -104,15 +90,6 @@ fn resolved(fits: [Option<Fit>; 3]) -> [Option<Fit>; 3] {
 
 /// Factors of two axes are equal if their logarithms differ by less than this.
 const SHARED: f64 = 0.25;
-
-/// A vote for (1) or against (−1).
-pub(super) fn vote(fits: &[Option<Fit>; 3], limit: f64) -> i32 {
-    match known(fits) {
-        _ if is_contradicted(fits, limit) => -1,
-        [None, None, None] => 0,
-        _ => 1,
-    }
-}
 
 impl Judge<'_> {
     fn moved(&self, track: &Track) -> Moved {
@@ -130,20 +107,13 @@ impl Judge<'_> {
         }
     }
 
-    /// Continues with the corrected track.
-    fn replace(&mut self, track: Track) {
-        self.mended.push((track.source, track.channel));
-        if let Some(old) = self
-            .tracks
-            .iter_mut()
-            .find(|t| t.source == track.source && t.channel == track.channel)
-        {
-            *old = track;
-        }
+    fn remove(&mut self, track: &Track) {
+        self.tracks.retain(|t| !t.is(track));
     }
 
-    fn remove(&mut self, track: &Track) {
-        self.tracks.retain(|t| t.source != track.source || t.channel != track.channel);
+    /// The positions of the filter's own data, and those of the reference.
+    fn positions(&self) -> (Vec<Track>, Vec<Track>) {
+        self.all("position").into_iter().partition(|t| !self.is_reference(t))
     }
 
     /// Compares positions with the origin and with the reference.
@@ -151,83 +121,53 @@ impl Judge<'_> {
         let origin: Option<Geodetic> = self.design.run.origin.map(Into::into);
         let from_origin = |track: &Track| Some(place::apart(track, |_| origin)?.0);
         for track in self.all("position") {
-            let Some(away) = from_origin(&track).filter(|away| *away > FROM_ORIGIN) else {
+            if let Some(away) = from_origin(&track).filter(|away| *away > FROM_ORIGIN) {
+                let near = self.declared_as(&track, |track| from_origin(track).is_some_and(|away| away < FROM_ORIGIN / 10.0));
+                self.astray(&track, "`[run] origin`", &place::shown(away), near);
+            }
+        }
+        let (own, references) = self.positions();
+        for (track, reference) in own.iter().flat_map(|t| references.iter().map(move |r| (t, r))) {
+            let apart = |track: &Track, from: &Track| place::apart(track, |t| place::at(from, t));
+            let Some((across, height, samples)) = apart(track, reference) else {
                 continue;
             };
-            let change = Change::ALL.into_iter().filter_map(|change| Some((change, change.of(&track)?)));
-            let change = change.filter_map(|(change, track)| Some((from_origin(&track)?, change, track)));
-            let nearest = change.filter(|c| c.0 < FROM_ORIGIN / 10.0).min_by(|a, b| a.0.total_cmp(&b.0));
-            self.astray(
-                &track,
-                "`[run] origin`",
-                &place::shown(away),
-                nearest.map(|(_, change, track)| (change, track)),
-            );
-        }
-        let (references, own): (Vec<Track>, Vec<Track>) = self.all("position").into_iter().partition(|t| self.is_reference(t));
-        for (track, reference) in own.iter().flat_map(|t| references.iter().map(move |r| (t, r))) {
-            let apart = |track: &Track| place::apart(track, |t| place::at(reference, t));
-            let Some((across, height, samples)) = apart(track) else { continue };
-            let with = self.named(reference);
             if across < FROM_REFERENCE && height < HEIGHT {
-                self.found.comparisons.push(Comparison {
-                    what: self.named(track),
-                    with,
-                    samples,
-                    correlation: Vec::new(),
-                    margin: 0.0,
-                    verdict: format!("{} apart, {} in height", place::shown(across), place::shown(height)),
-                });
+                let verdict = format!("{} apart, {} in height", place::shown(across), place::shown(height));
+                let listed = Comparison::plain(self.named(track), &self.named(reference), samples, verdict);
+                self.found.comparisons.push(listed);
                 continue;
             }
-            let [own, other] = [track, reference].map(|t| self.moved(t));
-            let wrong = if self.trust(&own, &other) > self.trust(&other, &own) {
-                reference
-            } else {
-                track
-            };
-            let right = if wrong.source == track.source { reference } else { track };
+            let [one, other] = [track, reference].map(|t| self.moved(t));
+            let is_reference = self.trust(&one, &other) > self.trust(&other, &one);
+            let (wrong, right) = if is_reference { (reference, track) } else { (track, reference) };
             let away = if across < FROM_REFERENCE {
                 format!("{} away in height", place::shown(height))
             } else {
                 format!("{} away", place::shown(across))
             };
-            let change = Change::ALL.into_iter().find_map(|change| {
-                let changed = change.of(wrong)?;
-                let (across, height, _) = place::apart(&changed, |t| place::at(right, t))?;
-                (across < FROM_REFERENCE && height < HEIGHT).then_some((change, changed))
+            let near = self.declared_as(wrong, |changed| {
+                apart(changed, right).is_some_and(|(across, height, _)| across < FROM_REFERENCE && height < HEIGHT)
             });
-            self.astray(wrong, &format!("`{}`", self.name(right)), &away, change);
+            self.astray(wrong, &format!("`{}`", self.name(right)), &away, near);
         }
     }
 
     /// A position is far from where it should be.
-    fn astray(&mut self, track: &Track, from: &str, away: &str, change: Option<(Change, Track)>) {
-        let (node, name) = (self.node(track), self.name(track));
-        let message = format!("the positions of `{name}` are {away} from {from}");
-        let channel = node.at("channels.position");
-        let help = match &change {
-            Some((change, _)) => {
-                let fit = format!("they would fit {}", change.condition());
-                match change.remedy(channel) {
-                    Some(write) => write.after(&fit),
-                    None => Remedy::words(fit),
-                }
-            }
+    fn astray(&mut self, track: &Track, from: &str, away: &str, near: Option<(Declaration, Track)>) {
+        let message = format!("the positions of `{}` are {away} from {from}", self.name(track));
+        let help = match &near {
+            Some((other, _)) => other.remedy().after(&format!("the likely mistake is {}", other.wrong)),
             None => Remedy::words(format!("check the columns, their order, signs and unit, or {from}")),
         };
-        let verdict = away.to_owned();
-        let told = help.of(at("position-far", node, "position", "latitude", message), &self.table(track));
-        self.found.mistakes.push(told);
-        self.found.comparisons.push(Comparison {
-            what: name,
-            with: from.replace('`', ""),
-            samples: track.times.len(),
-            correlation: Vec::new(),
-            margin: 0.0,
-            verdict,
-        });
-        match change {
+        self.accuse(track, "position-far", "latitude", message, help);
+        self.list(track, &from.replace('`', ""), track.times.len(), away);
+        self.put_right(track, near);
+    }
+
+    /// Continues with a corrected track, or without it.
+    fn put_right(&mut self, track: &Track, right: Option<(Declaration, Track)>) {
+        match right {
             Some((_, changed)) => self.replace(changed),
             None => self.remove(track),
         }
@@ -237,15 +177,14 @@ impl Judge<'_> {
     pub(super) fn velocities(&mut self) -> Vec<Moved> {
         for track in self.all("velocity") {
             let beside = self.beside(&track, "position");
-            let own = self.all("position").into_iter().find(|p| !self.is_reference(p));
-            if let Some(position) = beside.or(own) {
+            if let Some(position) = beside.or_else(|| self.positions().0.into_iter().next()) {
                 self.pair(&track, &position);
             }
         }
         // A position without a velocity that agrees.
         let is_own = |t: &Track| !self.is_reference(t);
         if !self.all("velocity").iter().any(is_own) {
-            let (references, own): (Vec<Track>, Vec<Track>) = self.all("position").into_iter().partition(|t| self.is_reference(t));
+            let (own, references) = self.positions();
             if let [reference, ..] = &references[..] {
                 own.iter().for_each(|position| self.pair(position, reference));
             }
@@ -262,49 +201,45 @@ impl Judge<'_> {
     fn pair(&mut self, track: &Track, position: &Track) {
         let [one, other] = [track, position].map(|t| self.moved(t));
         let fits = one.beside(&other);
-        let trusts = || self.trust(&one, &other) - self.trust(&other, &one);
-        let angles = |wrong: &Moved| {
-            matches!(
-                self.change(wrong, if wrong.is(track) { &other } else { &one }),
-                Some((Change::Factor(_), _))
-            )
+        let is_wrong = vote(&fits, NEAR) < 0;
+        let trust = if is_wrong {
+            self.trust(&one, &other) - self.trust(&other, &one)
+        } else {
+            0
         };
-        let is_wrong = is_contradicted(&fits, NEAR);
-        let trust = if is_wrong { trusts() } else { 0 };
-        let is_other = is_wrong
-            && match trust {
-                // A velocity is not wrong by the factor between degrees and radians, nor in north and east alone.
-                0 => !one.is_position() && (wrong_across(&fits) || angles(&other)),
-                by => by > 0,
-            };
-        let (wrong, right) = if is_other { (&other, &one) } else { (&one, &other) };
-        let fits = if is_other { other.beside(&one) } else { fits };
-        if wrong.is_position() {
-            self.slope(wrong, right, &fits);
-            return;
+        // The declaration of the position that agrees with the velocity, if nothing else decides which is wrong.
+        let undecided = || self.change(&other, &one).filter(|_| is_wrong && trust == 0 && !one.is_position());
+        let change = undecided().map(|(change, _)| change);
+        // A velocity is not wrong by the factor between degrees and radians, nor in north and east alone.
+        let is_angle = change.as_ref().is_some_and(Declaration::is_unit) || wrong_across(&fits);
+        let is_other = is_wrong && (trust > 0 || trust == 0 && !one.is_position() && is_angle);
+        if is_other {
+            self.slope(&other, &one, &other.beside(&one));
+        } else if one.is_position() {
+            self.slope(&one, &other, &fits);
+        } else {
+            let or = change.map(|change| format!("if it is the position that is wrong, {} there", change.remedy().words));
+            self.velocity(&one, &other, &fits, or.as_deref());
         }
-        // If nothing else decides which of the two is wrong.
-        let or = (is_wrong && trust == 0 && right.is_position())
-            .then(|| self.change(right, wrong))
-            .flatten();
-        let or = or.and_then(|(change, _)| change.remedy(self.node(&right.track).at("channels.position")));
-        let or = or.map(|remedy| format!("if it is the position that is wrong, {} there", remedy.words));
+    }
+
+    /// Reports a velocity beside a position, and corrects it. `or` is the advice if the position is wrong.
+    fn velocity(&mut self, wrong: &Moved, right: &Moved, fits: &Fits, or: Option<&str>) {
         let compared = Compared {
             with: &right.name,
             is_world: true,
             limit: NEAR,
             lack: LONG,
-            shift: 0.0,
-            axes: None,
-            or: or.as_deref(),
+            or,
+            ..Compared::default()
         };
-        let (axes, factor) = self.compare(&wrong.track, &fits, &compared);
+        let (axes, factor) = self.compare(&wrong.track, fits, &compared);
         if (axes, factor) == (mistake::DECLARED, 1.0) {
             return;
         }
-        let put = |v: nalgebra::Vector3<f64>| turned(&v, &axes) * factor;
+        let put = |v: Vector3<f64>| turned(&v, &axes) * factor;
         let values = wrong.track.values.iter().map(|v| {
-            let right = put(nalgebra::Vector3::new(v[0], v[1], v[2]));
+            let right = put(Vector3::new(v[0], v[1], v[2]));
             [right.x, right.y, right.z, v[3]]
         });
         self.replace(Track {
@@ -314,79 +249,50 @@ impl Judge<'_> {
         });
     }
 
-    /// The change of a position that makes it agree with another motion.
-    fn change(&self, wrong: &Moved, right: &Moved) -> Option<(Change, Track)> {
-        let channel = self.node(&wrong.track).at("channels.position");
-        let fits = |track: &Track| self.moved(track).beside(right);
-        let before = known(&fits(&wrong.track));
-        Change::ALL.into_iter().find_map(|change| {
-            change.remedy(channel)?;
-            let changed = change.of(&wrong.track)?;
-            let fits = fits(&changed);
-            let is_told = (0..3).all(|row| before[row].is_none() || known(&fits)[row].is_some());
-            (is_told && vote(&fits, NEAR) > 0).then_some((change, changed))
+    /// The declaration of a position that makes it agree with another motion.
+    fn change(&self, wrong: &Moved, right: &Moved) -> Option<(Declaration, Track)> {
+        let before = known(&wrong.beside(right));
+        self.declared_as(&wrong.track, |changed| {
+            let fits = self.moved(changed).beside(right);
+            (0..3).all(|row| before[row].is_none() || known(&fits)[row].is_some()) && vote(&fits, NEAR) > 0
         })
     }
 
     /// Reports the slope of a position if the position is wrong, or if nothing is wrong.
-    fn slope(&mut self, wrong: &Moved, right: &Moved, fits: &[Option<Fit>; 3]) {
-        if fits.iter().all(Option::is_none) {
-            return;
-        }
+    fn slope(&mut self, wrong: &Moved, right: &Moved, fits: &Fits) {
         let name = self.name(&wrong.track);
-        let known = known(fits);
-        let list = |verdict: String| Comparison {
-            what: name.clone(),
-            with: right.name.clone(),
-            samples: fits.iter().flatten().map(|f| f.count).max().unwrap_or(0),
-            correlation: fits.iter().flatten().map(|f| f.correlation).collect(),
-            margin: fits.iter().flatten().filter(|f| f.is_clear()).map(|f| f.margin).fold(0.0, f64::max),
-            verdict,
+        let verdict = match vote(fits, NEAR) {
+            _ if fits.iter().all(Option::is_none) => return,
+            1 => "as declared".to_owned(),
+            0 => "not decided: no agreement, or too little motion".to_owned(),
+            _ => String::new(),
         };
-        if !is_contradicted(fits, NEAR) {
-            let verdict = match known {
-                [None, None, None] => "not decided: no agreement, or too little motion",
-                _ => "as declared",
+        let mut listed = Comparison::along(name.clone(), &right.name, fits, verdict);
+        if listed.verdict.is_empty() {
+            let change = self.change(wrong, right);
+            let axes = differing(&known(fits), true);
+            listed.verdict = match (&change, wrong_factor(fits, NEAR)) {
+                (Some((change, _)), _) => change.wrong.clone(),
+                (None, _) if !axes.is_empty() => axes,
+                (None, Some((small, _))) => sized(small),
+                (None, None) => "north and east are in another unit".to_owned(),
             };
-            self.found.comparisons.push(list(verdict.to_owned()));
-            return;
+            let message = format!(
+                "the position of `{name}` contradicts {} and what else shows the motion: {}",
+                right.name, listed.verdict
+            );
+            let check = || Remedy::words("check the columns, their order, signs and unit");
+            let help = change.as_ref().map_or_else(check, |(change, _)| change.remedy());
+            self.accuse(&wrong.track, "position-form", "latitude", message, help);
+            self.put_right(&wrong.track, change);
         }
-        let change = self.change(wrong, right);
-        let node = self.node(&wrong.track);
-        let channel = node.at("channels.position");
-        let whole = complete(known, |row, axis| fits[row].and_then(|f| f.leans(axis)));
-        let says = match (&change, differing(&known, true)) {
-            (Some((change, _)), _) => change.words(),
-            (None, axes) if axes.is_empty() => {
-                wrong_factor(fits, NEAR).map_or_else(|| "north and east are in another unit".to_owned(), |f| sized(f.0))
-            }
-            (None, axes) => axes,
-        };
-        let help = match &change {
-            Some((change, _)) => change.remedy(channel),
-            None => whole.and_then(|whole| local(channel, &whole)),
-        };
-        let message = format!(
-            "the position of `{name}` contradicts {} and what else shows the motion: {says}",
-            right.name
-        );
-        let help = help.unwrap_or_else(|| Remedy::words("check the columns, their order, signs and unit"));
-        let told: Diagnostic = help.of(
-            at("position-form", node, "position", "latitude", message),
-            &self.table(&wrong.track),
-        );
-        self.found.comparisons.push(list(says));
-        self.found.mistakes.push(told);
-        match change {
-            Some((_, changed)) => self.replace(changed),
-            None => self.remove(&wrong.track),
-        }
+        self.found.comparisons.push(listed);
     }
 
     /// The number of other motion channels that agree with this one, minus the number that contradict it; `other` is
     /// left out.
     fn trust(&self, moved: &Moved, other: &Moved) -> i32 {
-        let is_asked = |t: &&Track| matches!(t.channel, "velocity" | "position") && !moved.is(t) && !other.is(t);
+        let is_asked = |t: &&Track| matches!(t.channel, "velocity" | "position") && !moved.track.is(t) && !other.track.is(t);
         let movers = self
             .tracks
             .iter()
@@ -404,31 +310,8 @@ impl Judge<'_> {
                 "specific_force" => moved.velocities.course_forces(0.0),
                 _ => return 0,
             };
-            let fits = Expected::of(t, &told, clock::usual(t, &told, 0.0)).fits();
-            vote(&fits, FAR)
+            vote(&t.fits(&told, clock::usual(t, &told, 0.0)), FAR)
         };
         movers.chain(heads).sum::<i32>() + self.tracks.iter().map(unit).sum::<i32>()
     }
-}
-
-/// The text for a position given by its distances from the origin. The expected value of a row is at the axis of
-/// `whole`.
-fn local(channel: Option<&Node>, whole: &Whole) -> Option<Remedy> {
-    let keys = ["north", "east", if channel?.get("up").is_some() { "up" } else { "down" }];
-    let columns = keys.iter().map(|key| channel?.get(key)?.as_str()).collect::<Option<Vec<&str>>>()?;
-    // Up against down.
-    let is_up = |row: usize| row == 2 && keys[2] == "up";
-    let written = whole
-        .axes
-        .iter()
-        .enumerate()
-        .filter(|(row, (axis, negative))| row != axis || *negative);
-    let written = written.map(|(row, (axis, negative))| {
-        let (minus, name) = columns[*axis]
-            .strip_prefix('-')
-            .map_or((false, columns[*axis]), |name| (true, name));
-        let is_negative = [minus, *negative, is_up(row), is_up(*axis)].iter().filter(|m| **m).count() % 2 == 1;
-        (keys[row], format!("{:?}", mistake::signed(name, is_negative)))
-    });
-    Some(Remedy::write(&written.collect::<Vec<_>>()))
 }

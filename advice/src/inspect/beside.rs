@@ -1,7 +1,8 @@
 //! Several inertial units in the columns of one file.
 
 use super::log::Log;
-use super::signal::{Kind, Signal, signals};
+use super::names::signals;
+use super::signal::{Kind, Signal};
 use fusion::source::table::LogTable;
 
 /// An inertial unit of a file that has several.

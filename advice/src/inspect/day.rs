@@ -1,7 +1,7 @@
 //! Times of day without a date: recognised, and given the day of another log.
 
 use super::clock::{is_called_time, stamp_words};
-use super::{Clock, Form, Log, Origin};
+use super::{ABSOLUTE, Clock, Form, Log, Origin};
 use fusion::source::table::{Calendar, LogColumn, LogTable, SOME_DAY, gps_of_text, gps_of_unix, utc_text};
 use fusion_core::math;
 
@@ -76,8 +76,6 @@ fn is_hhmmss(column: &LogColumn) -> bool {
 
 /// Gives times of day the day that brings them nearest to a log with dates, or to a log that counts from a known day.
 pub(super) fn give_days(logs: &mut [Log]) {
-    /// Seconds since 1970 or 1980 are larger in any log of this century.
-    const ABSOLUTE: f64 = 6e8;
     let is_dated = |clock: &&Clock| clock.day.is_none() && (clock.origin == Origin::Gps || clock.span().0 > ABSOLUTE);
     let in_gps = |clock: &Clock| {
         let (first, last) = clock.span();

@@ -1,14 +1,13 @@
 //! A magnetometer next to an inertial unit: the Earth's field as it reads it, if it does.
 
 use super::log::Log;
-use super::numbers::{Integral, Vec3, median, norm};
+use super::numbers::{Integral, Vec3, by_half, median, norm};
 use super::pair::dot;
 use super::signal::Kind;
+use super::size::STRENGTHS;
 use fusion_core::math;
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// Possible strengths of the Earth's field, including iron that a state can estimate \[T\].
-const STRENGTHS: core::ops::Range<f64> = 15e-6..80e-6;
 /// The mean force is taken over this time before and after a field \[s\].
 const STEADY: f64 = 0.5;
 /// A step of the comparison ends when the gyros have turned by `TURNED`, which is more than the noise of the field
@@ -64,8 +63,7 @@ impl Field {
             );
             return Some(Err(why));
         }
-        // Half of the normal numbers are within 0.674 σ.
-        let scatter = median(field.iter().map(|m| (norm(*m) - strength).abs())) / 0.674;
+        let scatter = by_half(field.iter().map(|m| (norm(*m) - strength).abs()));
         let side = Side {
             t: log.stamps(),
             field,

@@ -7,7 +7,8 @@
 //! Not here: a frame that is turned by any other angle, and a body that moves sideways
 
 use super::log::Log;
-use super::signal::{Kind, Signal, UNNAMED, is_derived};
+use super::names::is_derived;
+use super::signal::{Kind, Signal, UNNAMED};
 use super::track::Track;
 use super::words::{Words, is_called};
 use fusion_core::math;
@@ -94,13 +95,12 @@ fn columns(log: &Log) -> Option<[usize; 3]> {
 
 /// The axes along which a velocity fits the track; `None` if several fit, or none.
 fn axes(t: &[f64], x: &[f64], y: &[f64], track: &Track) -> Option<Axes> {
-    let slowest = 0.5 * track.top_speed();
-    let pairs = track.t.iter().zip(&track.velocity).filter_map(|(at, v)| {
-        let after = t.partition_point(|t| t < at);
+    let pairs = track.moving().filter_map(|(at, v, _)| {
+        let after = t.partition_point(|t| *t < at);
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter(|k| *k < t.len());
         let k = near.min_by(|a, b| (t[*a] - at).abs().total_cmp(&(t[*b] - at).abs()))?;
-        let is_moving = math::hypot(v[0], v[1]) > slowest && (t[k] - at).abs() <= NEAR;
-        (is_moving && x[k].is_finite() && y[k].is_finite()).then_some(([v[0], v[1]], [x[k], y[k]]))
+        let is_near = (t[k] - at).abs() <= NEAR;
+        (is_near && x[k].is_finite() && y[k].is_finite()).then_some((v, [x[k], y[k]]))
     });
     let pairs: Vec<([f64; 2], [f64; 2])> = pairs.collect();
     let all: f64 = pairs.iter().map(|(v, _)| v[0] * v[0] + v[1] * v[1]).sum();

@@ -3,12 +3,11 @@
 use super::log::Log;
 use super::numbers::{Vec3, median, moments, norm, quantile};
 use super::signal::Kind;
+use super::size::GRAVITY;
 use super::stance::Stances;
-use super::standing::Standing;
+use super::standing::{Standing, TIMES};
 use fusion_core::math;
 
-/// Standard gravity \[m/s²\].
-const GRAVITY: f64 = 9.80665;
 /// The length of a window of the rest test \[s\].
 const WINDOW: f64 = 1.0;
 /// Gyros with a mean rate above `TURNING` at rest turn there, except if the mean of the whole log agrees with it within
@@ -22,8 +21,6 @@ const QUIET: f64 = 3.0;
 const VALLEY: f64 = 0.1;
 /// Limits of rest accept at most this number of moving windows, per window at rest.
 const LEAK: f64 = 0.02;
-/// Factors of the limits that are tried.
-const TIMES: [f64; 4] = [2.0, 1.5, 1.25, 1.0];
 /// Windows that begin at any sample are shaken more than adjacent windows by this factor.
 const SLIDING: f64 = 1.1;
 /// A unit that turns faster for a twentieth of the time has far larger errors from gyro scale and axes than from noise

@@ -3,8 +3,9 @@
 use super::beside::Unit;
 use super::clock::{Clock, Form};
 use super::day::read_times_of_day;
+use super::names::{is_derived, signals};
 use super::numbers::{Vec3, median};
-use super::signal::{Kind, Signal, is_derived, signals};
+use super::signal::{Kind, Signal};
 use super::track::{Odometer, Track};
 use super::words::Words;
 use fusion::source::table::LogTable;

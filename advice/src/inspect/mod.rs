@@ -19,10 +19,12 @@ mod field;
 mod frame;
 mod imu;
 mod log;
+mod names;
 mod numbers;
 mod page;
 mod pair;
 mod signal;
+mod size;
 mod stance;
 mod standing;
 #[cfg(test)]
@@ -38,8 +40,9 @@ pub use day::Day;
 pub use field::Field;
 pub use imu::{Imu, Rest};
 pub use log::{Instances, Log, Repeats};
+pub(crate) use names::reported_by_name;
+pub(crate) use numbers::{direction, median};
 pub use pair::Pair;
-pub(crate) use signal::reported_by_name;
 pub use signal::{Kind, Signal};
 pub use stance::Stances;
 pub use standing::Standing;
@@ -346,8 +349,6 @@ fn bring_to_gps(logs: &mut [Log]) {
 
 /// Shifts the stamps of the unit if its turns agree with those of the positions only at another time.
 fn bring_together(logs: &mut [Log], track: &Track) {
-    /// The turns do not agree below this correlation.
-    const AGREES: f64 = 0.5;
     let Some(k) = units(logs).first().copied() else { return };
     let log = &logs[k];
     let has_positions = log.has(Geodetic) || log.has(Local);
@@ -355,7 +356,7 @@ fn bring_together(logs: &mut [Log], track: &Track) {
         return;
     };
     let pair = Pair::of(log.stamps(), &force, &rate, imu.gravity, imu.up, track);
-    if has_positions || pair.is_some_and(|pair| pair.correlation.abs() > AGREES) {
+    if has_positions || pair.is_some_and(|pair| pair.is_related()) {
         return;
     }
     let lag = pair::apart(log.stamps(), &rate, imu.gravity, track);

@@ -14,8 +14,20 @@ pub(super) fn quantile(samples: impl IntoIterator<Item = f64>, share: f64) -> f6
 }
 
 /// The median of the finite samples.
-pub(super) fn median(samples: impl IntoIterator<Item = f64>) -> f64 {
+pub(crate) fn median(samples: impl IntoIterator<Item = f64>) -> f64 {
     quantile(samples, 0.5)
+}
+
+/// 1σ of normal numbers by their absolute values, half of which are below 0.674 σ.
+pub(super) fn by_half(sizes: impl IntoIterator<Item = f64>) -> f64 {
+    median(sizes) / 0.674
+}
+
+/// Length and angle of the mean of unit vectors at these angles \[rad\]: the length is 1 if all are equal.
+pub(crate) fn direction(angles: impl ExactSizeIterator<Item = f64>) -> (f64, f64) {
+    let count = angles.len() as f64;
+    let (sin, cos) = angles.map(math::sin_cos).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    (math::hypot(sin, cos) / count, math::atan2(sin, cos))
 }
 
 /// Mean and standard deviation of the finite samples.

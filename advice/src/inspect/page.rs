@@ -214,10 +214,10 @@ impl Inspection {
 
     fn together(&self, pair: &Pair) -> Table {
         let mut t = Table::list();
-        let turn = if pair.correlation.abs() < 0.8 && pair.climb > 0.6 {
+        let turn = if !pair.agrees() && pair.climb > 0.6 {
             "they do not follow the course, though the force agrees with the climb: the nose does not follow the way, as of a multicopter, or \
              of a boat in waves"
-        } else if pair.correlation.abs() < 0.8 {
+        } else if !pair.agrees() {
             "they do not follow the course: it is noisy, or the nose does not follow the way"
         } else if pair.slope < 0.0 {
             "the rate counts against the course: a sign is wrong, or a left-handed sensor"
@@ -233,10 +233,10 @@ impl Inspection {
             let moved = format!("{:.2} s was added to the stamps of the unit: there the turns agree", clock.shift);
             t.row(["clocks apart", &moved]);
         }
-        if let Some(lag) = pair.by_force.filter(|_| pair.correlation.abs() <= 0.8) {
+        if let Some(lag) = pair.by_force.filter(|_| !pair.agrees()) {
             let late = format!("{lag:.2} s, by the length of the force, alike in every third; positions may be late by another time");
             t.row(["velocity or course is late by", &late]);
-        } else if pair.correlation.abs() < 0.5 {
+        } else if !pair.is_related() {
             t.row(["velocity or course is late by", "not decided: the turns do not agree"]);
         } else {
             t.row([

@@ -13,6 +13,9 @@ const MOVING: f64 = 2.0;
 /// Fewer intervals of motion are not enough.
 const ENOUGH: usize = 20;
 
+/// Chance does not reach this correlation of turns over half of the intervals of a drive.
+const AGREES: f64 = 0.8;
+
 /// How unit and track agree.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
@@ -35,6 +38,16 @@ pub struct Pair {
 }
 
 impl Pair {
+    /// Returns true if unit and track turn alike.
+    pub(super) fn agrees(&self) -> bool {
+        self.correlation.abs() > AGREES
+    }
+
+    /// Returns true if their turns agree at all.
+    pub(super) fn is_related(&self) -> bool {
+        self.correlation.abs() > 0.5
+    }
+
     /// The angle of [`Pair::forward`] and its correlation, if the correlation is large enough.
     pub(super) fn ahead(&self) -> Option<(f64, f64)> {
         /// Forces that hardly depend on the accelerations of the track agree less.
@@ -82,12 +95,16 @@ impl Pair {
         }
         let (rates, forces) = (Integral::of(t, rate), Integral::of(t, force));
         let down = gravity.map(|g| -g / norm(gravity));
-        let (lag, slope, correlation) = best(&intervals, &rates, down)?;
+        let Lag {
+            by: lag,
+            slope,
+            correlation,
+        } = best(&intervals, &rates, down)?;
         let third = intervals.len() / 3;
         let lags = (third >= 3 * ENOUGH).then(|| {
-            let first = best(&intervals[..third], &rates, down)?;
-            let last = best(&intervals[intervals.len() - third..], &rates, down)?;
-            (first.2.abs() > 0.8 && last.2.abs() > 0.8).then_some((first.0, last.0))
+            let [first, last] = [&intervals[..third], &intervals[intervals.len() - third..]].map(|part| best(part, &rates, down));
+            let is_clear = |lag: &Lag| lag.correlation.abs() > AGREES;
+            Some((first.filter(is_clear)?.by, last.filter(is_clear)?.by))
         });
         Some(Self {
             slope,
@@ -106,8 +123,6 @@ impl Pair {
 pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> Option<f64> {
     /// The coarse step \[s\]: turns of a vehicle last seconds.
     const COARSE: f64 = 0.25;
-    /// Chance does not reach this correlation over half of the intervals of a drive.
-    const CERTAIN: f64 = 0.8;
     /// No turn lasts longer; offsets further apart are different ones \[s\].
     const TURN: f64 = 15.0;
     /// Another offset is possible, too, if its unexplained part is at most `ALIKE` times as large. An unexplained part
@@ -121,26 +136,19 @@ pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> O
     let (begin, end) = span(&track.t)?;
     let (rates, down) = (Integral::of(t, rate), gravity.map(|g| -g / norm(gravity)));
     let enough = ENOUGH.max(intervals.len() / 2);
-    let at = |lag: f64| {
-        let pairs: Vec<(f64, f64)> = intervals
-            .iter()
-            .filter_map(|i| Some((i.turn, dot(down, rates.mean(i.from - lag, i.to - lag)?))))
-            .collect();
-        (pairs.len() >= enough).then(|| line(&pairs).1.abs())
-    };
     let steps = (last - first + end - begin) / COARSE;
     if steps.is_nan() || steps > MOST {
         return None;
     }
     let steps = steps as usize;
-    let tried = (0..=steps).map(|k| begin - last + COARSE * k as f64);
-    let tried = tried.filter_map(|lag| Some((lag, at(lag).filter(|c| c.is_finite())?)));
-    let tried: Vec<(f64, f64)> = tried.collect();
-    let (lag, correlation) = *tried.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let lags = (0..=steps).map(|k| begin - last + COARSE * k as f64);
+    let tried: Vec<Lag> = tried(lags, enough, |lag| turns(&intervals, &rates, down, lag)).collect();
+    let size = |lag: &Lag| lag.correlation.abs();
+    let best = *tried.iter().max_by(|a, b| size(a).total_cmp(&size(b)))?;
     // A path that repeats itself, round a block or up and down, agrees nearly as well a leg later.
-    let left = |c: f64| 1.0 - c * c;
-    let is_other = |(other, c): &(f64, f64)| (other - lag).abs() > TURN && left(*c) < ALIKE * left(correlation) + NOTHING;
-    (correlation > CERTAIN && !tried.iter().any(is_other)).then_some(lag)
+    let left = |lag: &Lag| 1.0 - size(lag) * size(lag);
+    let is_other = |other: &Lag| (other.by - best.by).abs() > TURN && left(other) < ALIKE * left(&best) + NOTHING;
+    (size(&best) > AGREES && !tried.iter().any(is_other)).then_some(best.by)
 }
 
 /// Returns the first and the last stamp of a log without its outliers. The limits are the quantiles of 5 and 95 % of the
@@ -153,7 +161,7 @@ fn span(t: &[f64]) -> Option<(f64, f64)> {
 }
 
 fn intervals(track: &Track) -> Vec<Interval> {
-    let slowest = MOVING.min(0.5 * track.top_speed());
+    let slowest = MOVING.min(track.slowest());
     // At least a second: shorter intervals differ by the noise of the velocity.
     let stride = (math::round(track.rate()) as usize).max(1);
     let mut all = Vec::new();
@@ -214,18 +222,14 @@ fn by_force(t: &[f64], force: &[Vec3], gravity: f64, track: &Track) -> Option<f6
         })
         .collect();
     let late = |steps: &[(f64, f64, f64)]| {
-        let at = |lag: f64| {
-            let pairs: Vec<(f64, f64)> = steps
+        let pairs = |lag: f64| {
+            let means = steps
                 .iter()
-                .filter_map(|(from, to, length)| Some((*length, lengths.mean(from - lag, to - lag)?[0])))
-                .collect();
-            (pairs.len() >= ENOUGH).then(|| line(&pairs).1)
+                .filter_map(|(from, to, length)| Some((*length, lengths.mean(from - lag, to - lag)?[0])));
+            means.collect()
         };
-        let reach = math::round(REACH / STEP) as i32;
-        let tried = (-reach..=reach).map(|k| STEP * f64::from(k));
-        let tried = tried.filter_map(|lag| Some((lag, at(lag).filter(|c| c.is_finite())?)));
-        let best = tried.max_by(|a, b| a.1.total_cmp(&b.1));
-        best.filter(|(_, correlation)| *correlation > CERTAIN).map(|(lag, _)| lag)
+        let best = tried(near(), ENOUGH, pairs).max_by(|a, b| a.correlation.total_cmp(&b.correlation));
+        best.filter(|best| best.correlation > CERTAIN).map(|best| best.by)
     };
     let lag = late(&steps)?;
     let third = (steps.len() / 3).max(1);
@@ -233,22 +237,43 @@ fn by_force(t: &[f64], force: &[Vec3], gravity: f64, track: &Track) -> Option<f6
     steps.chunks_exact(third).take(3).all(is_alike).then_some(lag)
 }
 
-/// The offset at which the turns agree best: lag, slope, correlation.
-fn best(intervals: &[Interval], rates: &Integral, down: Vec3) -> Option<(f64, f64, f64)> {
-    let at = |lag: f64| {
-        let pairs: Vec<(f64, f64)> = intervals
-            .iter()
-            .filter_map(|i| Some((i.turn, dot(down, rates.mean(i.from - lag, i.to - lag)?))))
-            .collect();
-        (pairs.len() >= ENOUGH).then(|| line(&pairs))
-    };
+/// The pairs of the rate of the course and of the unit, `lag` earlier.
+fn turns(intervals: &[Interval], rates: &Integral, down: Vec3, lag: f64) -> Vec<(f64, f64)> {
+    let pairs = intervals
+        .iter()
+        .filter_map(|i| Some((i.turn, dot(down, rates.mean(i.from - lag, i.to - lag)?))));
+    pairs.collect()
+}
+
+/// The offset at which the turns agree best.
+fn best(intervals: &[Interval], rates: &Integral, down: Vec3) -> Option<Lag> {
+    let tried = tried(near(), ENOUGH, |lag| turns(intervals, rates, down, lag));
+    tried.max_by(|a, b| a.correlation.abs().total_cmp(&b.correlation.abs()))
+}
+
+/// Two series with an offset: the slope of one over the other, and their correlation.
+#[derive(Clone, Copy)]
+struct Lag {
+    /// The offset \[s\].
+    by: f64,
+    slope: f64,
+    correlation: f64,
+}
+
+/// The offsets up to [`REACH`].
+fn near() -> impl Iterator<Item = f64> {
     let steps = math::round(REACH / STEP) as i32;
-    let tried = (-steps..=steps).filter_map(|k| {
-        let lag = STEP * f64::from(k);
-        let (slope, correlation) = at(lag)?;
-        Some((lag, slope, correlation))
-    });
-    tried.filter(|t| t.2.is_finite()).max_by(|a, b| a.2.abs().total_cmp(&b.2.abs()))
+    (-steps..=steps).map(|k| STEP * f64::from(k))
+}
+
+/// Two series at each offset that leaves `enough` pairs.
+fn tried(lags: impl Iterator<Item = f64>, enough: usize, pairs: impl Fn(f64) -> Vec<(f64, f64)>) -> impl Iterator<Item = Lag> {
+    let at = move |by: f64| {
+        let pairs = pairs(by);
+        let (slope, correlation) = line(&pairs);
+        (pairs.len() >= enough && correlation.is_finite()).then_some(Lag { by, slope, correlation })
+    };
+    lags.filter_map(at)
 }
 
 /// The angle at which the horizontal force matches the acceleration of the track.

@@ -15,7 +15,7 @@ const WINDOW: f64 = 1.0;
 const STEP: f64 = 0.1;
 const AROUND: f64 = 1.0;
 /// Factors of the limits that are tried.
-const TIMES: [f64; 4] = [2.0, 1.5, 1.25, 1.0];
+pub(super) const TIMES: [f64; 4] = [2.0, 1.5, 1.25, 1.0];
 /// The required number of tests in a row: at least half a second, and not more than a short stop lasts.
 const FEWEST: usize = 5;
 const MOST: usize = 50;

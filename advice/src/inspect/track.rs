@@ -153,10 +153,9 @@ impl Track {
                 from = k;
             }
         }
-        // The median length of two equal normal components is 1.177 σ, and a quarter is below 0.759 σ: changing
-        // accelerations affect the quartile less.
+        // The median of these lengths is 1.177 σ.
         self.scatter = median(self.off(&self.position, |_| 1.0)) / 1.177;
-        self.velocity_scatter = quantile(self.off(&self.velocity, |_| 1.0), 0.25) / 0.759;
+        self.velocity_scatter = by_quarter(self.off(&self.velocity, |_| 1.0));
     }
 
     /// The reported 1σ of values, if each value has one.
@@ -166,7 +165,7 @@ impl Track {
         let is_whole = !sigmas.is_empty() && values.iter().zip(sigmas).all(is_sound);
         (is_whole && median[..2].iter().all(|m| *m > 0.0)).then(|| Claim {
             median,
-            times: quantile(self.off(values, |k| 0.5 * (sigmas[k][0] + sigmas[k][1])), 0.25) / 0.759,
+            times: by_quarter(self.off(values, |k| 0.5 * (sigmas[k][0] + sigmas[k][1]))),
         })
     }
 
@@ -200,7 +199,7 @@ impl Track {
         self.way = way;
         let jumped = self.velocity.iter_mut().zip(jumped).filter(|(_, jumped)| *jumped);
         jumped.for_each(|(v, _)| *v = [f64::NAN; 3]);
-        self.scatter = quantile(self.off(&self.position, |_| 1.0), 0.25) / 0.759;
+        self.scatter = by_quarter(self.off(&self.position, |_| 1.0));
     }
 
     /// The horizontal distance of values from the line between their neighbours, scaled to the 1σ of one value, in
@@ -238,6 +237,19 @@ impl Track {
         if fast.is_nan() && self.t.len() > 1 { mean() } else { fast }
     }
 
+    /// The speed above which the track counts as moving: half of the usual top speed \[m/s\].
+    pub(super) fn slowest(&self) -> f64 {
+        0.5 * self.top_speed()
+    }
+
+    /// The rows in motion: stamp, velocity north and east, and speed \[m/s\].
+    pub(super) fn moving(&self) -> impl Iterator<Item = (f64, [f64; 2], f64)> {
+        let slowest = self.slowest();
+        let rows = self.t.iter().zip(&self.velocity);
+        let speeds = rows.map(|(t, v)| (*t, [v[0], v[1]], math::hypot(v[0], v[1])));
+        speeds.filter(move |(.., speed)| *speed > slowest && *speed > 0.0)
+    }
+
     /// The correlation time of the velocity, from fixes and the next ones: the time after which its correlation is 1/e
     /// \[s\].
     pub(super) fn lasting(&self) -> Option<f64> {
@@ -261,6 +273,12 @@ impl Track {
     pub fn rate(&self) -> f64 {
         1.0 / median(self.t.windows(2).map(|w| w[1] - w[0]))
     }
+}
+
+/// 1σ of a component, from the lengths of vectors of two equal normal components: a quarter is below
+/// 0.759 σ. Changing accelerations affect the quarter less than the median.
+fn by_quarter(lengths: Vec<f64>) -> f64 {
+    quantile(lengths, 0.25) / 0.759
 }
 
 /// Returns true if the columns of a 1σ cover all axes of a quantity.

@@ -43,7 +43,7 @@ impl Water {
 fn current(speed: &Odometer, track: &Track) -> Option<(Option<[f64; 2]>, bool)> {
     /// The sum of velocities in one direction is as long as the sum of their lengths.
     const TURNING: f64 = 0.7;
-    let slowest = 0.5 * track.top_speed();
+    let slowest = track.slowest();
     // For each row the velocity, its squared length, and the squared speed.
     let rows = track.t.iter().zip(&track.velocity).filter_map(|(t, v)| {
         let s = speed.at(*t)?;
@@ -96,12 +96,7 @@ impl Odometer {
         /// A ratio within this factor of a unit means an instrument with this unit; feet are near to km/h and need a
         /// closer ratio.
         const NEAR: [(&str, f64); 4] = [("ft/s", 1.03), ("m/s", 1.15), ("kn", 1.15), ("km/h", 1.15)];
-        let slowest = 0.5 * track.top_speed();
-        let ratios = track.t.iter().zip(&track.velocity).filter_map(|(t, v)| {
-            let (ground, said) = (math::hypot(v[0], v[1]), self.at(*t)?);
-            (ground > slowest && ground > 0.0).then(|| said / ground)
-        });
-        let ratios: Vec<f64> = ratios.collect();
+        let ratios: Vec<f64> = track.moving().filter_map(|(t, _, ground)| Some(self.at(t)? / ground)).collect();
         let ratio = median(ratios.iter().copied());
         let is_near = |(unit, near): &&(&str, f64)| math::ln(ratio * factor(unit)).abs() < math::ln(*near);
         let (unit, _) = NEAR.iter().find(is_near).filter(|_| ratios.len() >= ENOUGH)?;

@@ -1,5 +1,6 @@
 //! The convention of a recorded heading: its direction and its zero, from the course over ground.
 
+use super::numbers::direction;
 use super::track::Track;
 use fusion_core::math;
 
@@ -24,27 +25,19 @@ impl Yaw {
 
     /// From headings \[rad\] at stamps; `None` if the vehicle hardly moves.
     pub(super) fn of(t: &[f64], yaw: &[f64], track: &Track) -> Option<Self> {
-        let slowest = 0.5 * track.top_speed();
-        let mut pairs = Vec::new();
-        for (k, v) in track.t.iter().zip(&track.velocity) {
-            let row = t.partition_point(|s| s < k);
-            if math::hypot(v[0], v[1]) > slowest && t.get(row).is_some_and(|s| s - k < 1.0) && yaw[row].is_finite() {
-                pairs.push((math::atan2(v[1], v[0]), yaw[row]));
-            }
-        }
+        let pairs = track.moving().filter_map(|(at, v, _)| {
+            let row = t.partition_point(|t| *t < at);
+            let is_near = t.get(row).is_some_and(|t| t - at < 1.0) && yaw[row].is_finite();
+            is_near.then(|| (math::atan2(v[1], v[0]), yaw[row]))
+        });
+        let pairs: Vec<(f64, f64)> = pairs.collect();
         if pairs.len() < 10 {
             return None;
         }
-        let mean = |sign: f64| {
-            let sum = pairs
-                .iter()
-                .map(|(c, y)| math::sin_cos(c - sign * y))
-                .fold((0.0, 0.0), |m, p| (m.0 + p.0, m.1 + p.1));
-            (math::atan2(sum.0, sum.1), math::hypot(sum.0, sum.1) / pairs.len() as f64)
-        };
+        let mean = |sign: f64| direction(pairs.iter().map(|(course, yaw)| course - sign * yaw));
         let (with, against) = (mean(1.0), mean(-1.0));
-        let is_clockwise = with.1 >= against.1;
-        let (offset, agreement) = if is_clockwise { with } else { against };
+        let is_clockwise = with.0 >= against.0;
+        let (agreement, offset) = if is_clockwise { with } else { against };
         Some(Self {
             is_clockwise,
             offset,

@@ -19,7 +19,7 @@ const STEADY: f64 = 0.3;
 const PERIOD: f64 = 1.0;
 /// The number of parts of a run for measuring how far an estimate moves. The first part is skipped because it still
 /// depends on the start.
-const STEPS: usize = 9;
+pub(super) const STEPS: usize = 9;
 /// The least number of parts that give a result.
 const FEWEST: usize = 3;
 /// A part that reduces the variance by less than this fraction gives no information about it.

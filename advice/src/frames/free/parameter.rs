@@ -1,5 +1,6 @@
 //! The parameters to try as states, and their initial values.
 
+use crate::frames::mistake::declared_offset;
 use fusion::config::{Diagnostics, Node};
 use fusion::design::{Design, Named, SensorDesign, parameters};
 use fusion_core::math;
@@ -22,36 +23,25 @@ pub(super) struct Sort {
     pub(super) sigma: f64,
     /// The smallest error that matters, in this unit.
     pub(super) least: f64,
-    /// An estimate this many σ away is significant. The σ is the filter's own, which assumes white noise.
-    pub(super) certain: f64,
 }
 
-const fn sort(unit: &'static str, si: f64, sigma: f64, least: f64, certain: f64) -> Sort {
-    Sort {
-        unit,
-        si,
-        sigma,
-        least,
-        certain,
-    }
+const fn sort(unit: &'static str, si: f64, sigma: f64, least: f64) -> Sort {
+    Sort { unit, si, sigma, least }
 }
 
 /// Parameters that the construction and mounting of a sensor fix. Slow errors are not such parameters.
-///
-/// Slow errors of fixes look like a lever arm. On the recorded log of a robot whose receiver drifts by metres, they
-/// produce a lever arm of 19σ. Stamps of a separate clock look like a latency.
 const SORTS: [Sort; 6] = [
-    sort("deg", PI / 180.0, 10.0, 2.0, 5.0),
-    sort("%", 0.01, 10.0, 2.0, 5.0),
-    sort("s", 1.0, 0.3, 0.05, 6.0),
-    sort("m", 1.0, 1.0, 0.5, 30.0),
-    sort("uT", 1e-6, 10.0, 2.0, 10.0),
-    sort("m/s", 1.0, 0.5, 0.1, 10.0),
+    sort("deg", PI / 180.0, 10.0, 2.0),
+    sort("%", 0.01, 10.0, 2.0),
+    sort("s", 1.0, 0.3, 0.05),
+    sort("m", 1.0, 1.0, 0.5),
+    sort("uT", 1e-6, 10.0, 2.0),
+    sort("m/s", 1.0, 0.5, 0.1),
 ];
-/// The distance between two tracks is not a lever arm: slow errors of fixes do not resemble it.
-const GAUGE: Sort = sort("m", 1.0, 1.0, 0.1, 6.0);
+/// The distance between two tracks is not a lever arm.
+const GAUGE: Sort = sort("m", 1.0, 1.0, 0.1);
 /// A speed error of 1 % is ten metres in a kilometre.
-const SCALE: Sort = sort("%", 0.01, 10.0, 0.5, 6.0);
+const SCALE: Sort = sort("%", 0.01, 10.0, 0.5);
 
 /// The scale errors of a speed in another unit or with the other sign: the sign, knots and km/h read as m/s, m/s read
 /// as knots and as km/h \[%\].
@@ -310,13 +300,13 @@ fn of_sensor<'a>(sensor: &'a Named<SensorDesign>, design: &Design) -> Vec<Tried<
 
 /// The delay that a source declares for the stamps of a sensor's rows: stamp time minus time of validity \[s\].
 fn delay(source: &Node, sensor: &Named<SensorDesign>) -> f64 {
-    let read = |node: Option<&Node>| -> f64 {
-        let declared: Option<Duration> = node.and_then(|n| n.read(&mut Diagnostics::new()));
-        declared.map_or(0.0, Duration::si)
-    };
     let reading = sensor.block.model.reading();
-    let channel = reading.channels().first().map(|c| format!("channels.{}.latency", c.name));
-    read(channel.and_then(|latency| source.at(&latency))) - read(source.at("time.offset"))
+    let latency = reading
+        .channels()
+        .first()
+        .and_then(|c| source.at(&format!("channels.{}.latency", c.name)));
+    let latency: Option<Duration> = latency.and_then(|node| node.read(&mut Diagnostics::new()));
+    latency.map_or(0.0, Duration::si) - declared_offset(source)
 }
 
 /// Returns true if the parameter is estimated.

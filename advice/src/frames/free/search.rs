@@ -3,14 +3,14 @@
 use super::course::{Course, Estimate, Gain, Limits, Trial};
 use super::parameter::{Other, SHORTEST, Start, Tried, of_design};
 use super::told::{self, Verdict};
+use crate::frames::declared::{Declaration, others};
 use crate::frames::judge::{Comparison, Judged, Step};
-use crate::frames::mistake::Remedy;
-use fusion::config::{Diagnostics, Document, Node, Value};
+use crate::frames::mistake::declared_offset;
+use fusion::config::{Diagnostics, Document, Node};
 use fusion::design::{Design, Named, SensorDesign};
 use fusion::observe::RunObserver;
 use fusion::run::{Options, Smoothing, examine, run_sharing};
 use fusion_models::sim::SharedCourse;
-use fusion_models::units::Duration;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -56,19 +56,12 @@ pub(super) enum What<'a> {
     },
 }
 
-/// Columns of a channel that should be written differently: the mistake, and the correction.
+/// A channel that should be declared differently.
 #[derive(Clone)]
 pub(super) struct Written {
     pub(super) source: usize,
     pub(super) channel: String,
-    pub(super) wrong: &'static str,
-    pub(super) write: Remedy,
-}
-
-impl Written {
-    fn told(&self) -> String {
-        format!("{} in `{}`", self.wrong, self.channel)
-    }
+    pub(super) other: Declaration,
 }
 
 /// All parameters as states at once.
@@ -293,7 +286,8 @@ impl<'a> Search<'a> {
         }
         if is_gross {
             let columns = self.columns();
-            let causes = self.each(&columns, |(what, _)| what.told(), |(what, sets)| self.column(base, what, sets));
+            let told = |what: &Written| format!("{} in `{}`", what.other.wrong, what.channel);
+            let causes = self.each(&columns, told, |what| self.column(base, what));
             causes.into_iter().for_each(|cause| keep(cause, LEAST));
         }
         best
@@ -369,9 +363,7 @@ impl<'a> Search<'a> {
     fn clock(&self, base: &Course, tried: &Tried<'_>, by: f64) -> Option<Cause<'a>> {
         let name = self.document.root().get("process")?.get("source").and_then(Node::as_str)?;
         let source = self.design.sources.iter().position(|s| s.name == name)?;
-        let node = self.document.root().at(&format!("source.{name}.time.offset"));
-        let declared: Option<Duration> = node.and_then(|n| n.read(&mut Diagnostics::new()));
-        let offset = declared.map_or(0.0, Duration::si) + by;
+        let offset = declared_offset(self.document.root().at(&format!("source.{name}"))?) + by;
         let set = format!("source.{name}.time.offset=\"{offset:.4} s\"");
         let gain = self.trial(base, SOON, std::slice::from_ref(&set))?.gain(base);
         let than = tried.sensor.name.clone();
@@ -382,71 +374,42 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Columns with the other sign, for channels without a scale, and exchanged columns of a position.
-    fn columns(&self) -> Vec<(Written, Vec<String>)> {
-        let of = |sensor: &'a Named<SensorDesign>| {
-            let is_scaled = self.tried.iter().any(|t| t.sensor.name == sensor.name && t.key == "scale");
-            let name = sensor.node.get("source").and_then(Node::as_str);
-            let source = self.design.sources.iter().position(|s| Some(&s.name[..]) == name);
-            let reading = sensor.block.model.reading();
-            let channel = reading.channels().first().map(|c| c.name.to_string());
-            let (Some(name), Some(source), Some(channel)) = (name, source, channel) else {
-                return Vec::new();
-            };
-            let path = format!("source.{name}.channels.{channel}");
-            let table = self.document.root().at(&path);
-            let written = |key: &str| table.and_then(|t| t.get(key)).and_then(Node::as_str);
-            let mut changes: Vec<(&'static str, Vec<(&str, String)>)> = Vec::new();
+    /// Other declarations of the channels that sensors read.
+    fn columns(&self) -> Vec<Written> {
+        let of = |sensor: &Named<SensorDesign>| {
             // The search for a scale also tries its sign.
-            for key in ["column", "north", "east", "down", "up"].into_iter().filter(|_| !is_scaled) {
-                let other = written(key).map(minus);
-                changes.extend(other.map(|other| ("a wrong sign", vec![(key, format!("{other:?}"))])));
-            }
-            for (a, b) in [("north", "east"), ("latitude", "longitude")] {
-                let exchanged = written(a)
-                    .zip(written(b))
-                    .map(|(x, y)| vec![(a, format!("{y:?}")), (b, format!("{x:?}"))]);
-                changes.extend(exchanged.map(|exchanged| ("exchanged columns", exchanged)));
-            }
-            // No mounting mirrors forward and right.
-            let columns = table.and_then(|t| t.get("columns")).and_then(|columns| match columns.value() {
-                Value::Array(items) => items.iter().map(Node::as_str).collect::<Option<Vec<&str>>>(),
-                _ => None,
-            });
-            if let Some([ahead, right, rest @ ..]) = columns.as_deref().filter(|_| channel == "body_velocity") {
-                let exchanged = [
-                    ("exchanged columns", [(*right).to_owned(), (*ahead).to_owned()]),
-                    ("exchanged columns, both with the other sign", [minus(right), minus(ahead)]),
-                    ("a wrong sign", [(*ahead).to_owned(), minus(right)]),
-                    ("a wrong sign", [minus(ahead), (*right).to_owned()]),
-                ];
-                changes.extend(exchanged.map(|(wrong, first)| {
-                    let all: Vec<String> = first.into_iter().chain(rest.iter().map(|&rest| rest.to_owned())).collect();
-                    (wrong, vec![("columns", format!("{all:?}"))])
-                }));
-            }
-            let written = changes.into_iter().map(|(wrong, keys)| {
-                let sets: Vec<String> = keys.iter().map(|(key, written)| format!("{path}.{key}={written}")).collect();
-                let written = Written {
-                    source,
-                    channel: channel.clone(),
-                    wrong,
-                    write: Remedy::write(&keys),
-                };
-                (written, sets)
-            });
-            written.collect()
+            let is_scaled = self.tried.iter().any(|t| t.sensor.name == sensor.name && t.key == "scale");
+            let name = sensor.node.get("source").and_then(Node::as_str)?;
+            let source = self.design.sources.iter().position(|s| s.name == name)?;
+            let channel = sensor.block.model.reading().channels().first()?.name.to_string();
+            let table = self.document.root().at(&format!("source.{name}.channels.{channel}"))?;
+            let others = others(&channel, table)
+                .into_iter()
+                .filter(|_| !is_scaled || table.get("column").is_none());
+            let written = |other| Written {
+                source,
+                channel: channel.clone(),
+                other,
+            };
+            Some(others.map(written).collect::<Vec<_>>())
         };
-        self.design.sensors.iter().flat_map(of).collect()
+        self.design.sensors.iter().filter_map(of).flatten().collect()
     }
 
-    /// The gain if the columns are written this way.
-    fn column(&self, base: &Course, what: &Written, sets: &[String]) -> Option<Cause<'a>> {
-        let gain = self.trial(base, SOON, sets)?.gain(base);
+    /// The gain if a channel is declared this way.
+    fn column(&self, base: &Course, what: &Written) -> Option<Cause<'a>> {
+        let table = format!("source.{}.channels.{}", self.design.sources[what.source].name, what.channel);
+        let sets: Vec<String> = what
+            .other
+            .writes
+            .iter()
+            .map(|(key, value)| format!("{table}.{key}={value}"))
+            .collect();
+        let gain = self.trial(base, SOON, &sets)?.gain(base);
         (gain.total >= FAR && gain.share >= SHARE).then(|| Cause {
             what: What::Columns(what.clone()),
             gain,
-            sets: sets.to_vec(),
+            sets,
         })
     }
 
@@ -480,11 +443,6 @@ impl<'a> Search<'a> {
             ));
         }
     }
-}
-
-/// A column with the other sign.
-fn minus(column: &str) -> String {
-    column.strip_prefix('-').map_or_else(|| format!("-{column}"), str::to_owned)
 }
 
 impl<'a> Cause<'a> {

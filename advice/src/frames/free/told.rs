@@ -1,35 +1,29 @@
 //! The message about a parameter, or the reason for no message.
 
-use super::course::{Course, Estimate};
+use super::course::{Course, Estimate, STEPS};
 use super::parameter::{ARM, Other, SHORTEST, Start, Tried};
 use super::search::{What, Written};
-use crate::frames::judge::{Comparison, Judged, sized};
+use crate::findings::level::{sigmas, standard_errors};
+use crate::frames::compare::sized;
+use crate::frames::judge::{Comparison, Judged};
 use crate::frames::mistake::{self, Remedy};
-use fusion::config::{Diagnostic, Diagnostics, Edit, Node};
+use fusion::config::{Diagnostic, Node};
 use fusion::design::{Design, Named, SensorDesign, parameters};
 use fusion_core::math;
-use fusion_models::units::Duration;
 use fusion_tables::short;
 
-/// An arm that is this many σ on the other side of zero has the other sign. Undeclared latencies and correlated errors
-/// move an estimate by several σ.
-const MIRRORED: f64 = 10.0;
-/// A difference below this many initial 1σ of a state agrees with its declaration.
-const CLAIMED: f64 = 3.0;
-/// A declared arm is wrong if the estimate differs by this many σ.
-const CERTAIN: f64 = 6.0;
-/// A difference of this many displayed 1σ is significant. The displayed 1σ is wider than the filter's own if the
-/// estimate moves more.
-const SURE: f64 = 3.0;
 /// A 1σ is reported as widened if it exceeds the filter's own by this factor.
 const WIDENED: f64 = 1.5;
 /// A declared noise of this many times the scatter of the innovations leaves a sensor without weight.
 const OVERSIZED: f64 = 3.0;
-/// From this many σ, the reason for no warning is given.
-const NOTABLE: f64 = 3.0;
 /// An estimate that moves by more than this multiple of its initial σ has another cause. The initial σ of a declared
 /// arm is twice its length.
 const NEAR: f64 = 2.5;
+
+/// The number of displayed 1σ at which a difference is significant. The steps between the parts of a run give the 1σ.
+fn sure() -> f64 {
+    standard_errors(1, STEPS)
+}
 
 /// The verdict on an axis of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,8 +39,8 @@ impl Tried<'_> {
     pub(super) fn verdict(&self, e: &Estimate, k: usize) -> Verdict {
         let declared = e.declared(k);
         if self.is_arm() && declared.abs() >= SHORTEST {
-            let is_far = e.value[k].abs() > MIRRORED * e.own[k] && e.value[k].abs() > declared.abs() / 2.0;
-            let is_claimed = e.difference[k].abs() > CLAIMED * self.prior[k];
+            let is_far = e.value[k].abs() > sure() * e.sigma[k] && e.value[k].abs() > declared.abs() / 2.0;
+            let is_claimed = e.difference[k].abs() > sigmas(1) * self.prior[k];
             if is_far && is_claimed && e.value[k] * declared < 0.0 && e.is_near() {
                 return Verdict::Mirrored;
             }
@@ -61,7 +55,7 @@ impl Tried<'_> {
     /// Returns true if the latency is shorter than declared.
     pub(super) fn is_earlier(&self, e: &Estimate) -> bool {
         let by = e.difference[0];
-        self.sort.unit == "s" && e.is_learnt[0] && by < -self.sort.least && by < -self.sort.certain * e.own[0]
+        self.sort.unit == "s" && e.is_learnt[0] && by < -self.sort.least && by < -sure() * e.sigma[0]
     }
 
     /// Returns true if the total delay would be negative. Then the clock of the process is late.
@@ -74,36 +68,21 @@ impl Tried<'_> {
         e.value[0] + self.delay
     }
 
-    /// The number of standard errors at which another value is reported. Parameters that are left out claim less than
-    /// declared ones.
-    fn certain(&self, declared: f64) -> f64 {
-        if self.is_arm() && declared.abs() >= SHORTEST {
-            CERTAIN
-        } else {
-            self.sort.certain
-        }
-    }
-
     /// The reason why a difference is not reported.
     fn doubts(&self, e: &Estimate, k: usize) -> Option<String> {
         let (sort, by) = (self.sort, e.difference[k].abs());
-        let (times, certain) = (by / e.own[k], self.certain(e.declared(k)));
-        let own = if e.is_widened() { " of the filter's own σ" } else { " σ" };
+        let (times, sure) = (by / e.sigma[k], sure());
         if by < sort.least * sort.si {
             // Small, but certain. For a scale, shows its effect; for others, shows that a state would find it.
             let matters = match sort.unit {
-                _ if times <= certain => String::new(),
+                _ if times <= sure => String::new(),
                 "%" => format!(", but {:.0} m in 1 km", by * 1e3),
-                _ => format!(", but {times:.0}{own} from it, so the filter would find it as a state"),
+                _ => format!(", but {times:.0} σ from it, so the filter would find it as a state"),
             };
             return Some(format!("within {} {} of what is declared{matters}", sort.least, sort.unit));
         }
-        if times < certain {
-            return Some(format!("{times:.1}{own} from what is declared, {certain:.0} would be reported"));
-        }
-        let times = by / e.sigma[k];
-        if times < SURE {
-            return Some(format!("{times:.1} σ from what is declared, {SURE:.0} would be reported"));
+        if times < sure {
+            return Some(format!("{times:.1} σ from what is declared, {sure:.0} would be reported"));
         }
         if self.is_arm() && !e.is_near() && (0..3).any(|k| e.declared(k).abs() >= SHORTEST) {
             return Some("it goes further than an arm of this vehicle".to_owned());
@@ -172,7 +151,7 @@ impl Estimate {
     /// The standard errors of an axis, if the data carry information about it.
     fn errors(&self, k: usize) -> f64 {
         if self.is_learnt[k] {
-            self.difference[k].abs() / self.own[k]
+            self.difference[k].abs() / self.sigma[k]
         } else {
             0.0
         }
@@ -182,12 +161,8 @@ impl Estimate {
 /// An entry in the list of comparisons.
 pub(super) fn listed(what: String, margin: f64, verdict: String) -> Comparison {
     Comparison {
-        what,
-        with: "the estimate of this filter".to_owned(),
-        samples: 0,
-        correlation: Vec::new(),
         margin,
-        verdict,
+        ..Comparison::plain(what, "the estimate of this filter", 0, verdict)
     }
 }
 
@@ -220,7 +195,7 @@ impl Tried<'_> {
     pub(super) fn unsuspected(&self, e: &Estimate, alone: Option<&Estimate>, base: &Course) -> Comparison {
         // The reason for no warning, for the axis that differs most.
         let furthest = (0..e.difference.len()).max_by(|a, b| e.errors(*a).total_cmp(&e.errors(*b)));
-        let furthest = furthest.filter(|k| e.errors(*k) > NOTABLE && self.is_judged());
+        let furthest = furthest.filter(|k| e.errors(*k) > sigmas(1) && self.is_judged());
         let doubts = furthest.and_then(|k| self.doubts(e, k));
         let apart = alone.map(|alone| format!("the data do not tell it from others: alone it is {}", self.words(alone)));
         let why = doubts.or_else(|| self.unweighed(base).or(apart).filter(|_| furthest.is_some()));
@@ -246,18 +221,13 @@ pub(super) fn tell(design: &Design, what: &What<'_>, found: &mut Judged) {
                 _ => other(design, tried, e, &words),
             });
         }
-        What::Columns(Written {
-            source,
-            channel,
-            wrong,
-            write,
-        }) => {
+        What::Columns(Written { source, channel, other }) => {
             let source = &design.sources[*source];
             let name = format!("{}.{channel}", source.name);
-            let message = format!("`{name}` has {wrong}: put right, the filter follows its data much better");
+            let message = format!("`{name}` has {}: put right, the filter follows its data much better", other.wrong);
             let told = mistake::at("sensor-columns", &source.node, channel, "column", message);
-            let told = write.clone().of(told, &format!("source.{}.channels.{channel}", source.name));
-            found.comparisons.push(listed(name, f64::INFINITY, (*wrong).to_owned()));
+            let told = other.remedy().of(told, &format!("source.{}.channels.{channel}", source.name));
+            found.comparisons.push(listed(name, f64::INFINITY, other.wrong.clone()));
             found.mistakes.push(told);
         }
         What::Clock { source, by, than } => {
@@ -266,21 +236,11 @@ pub(super) fn tell(design: &Design, what: &What<'_>, found: &mut Judged) {
                 "the stamps of `{}` are about {:.2} s late: else `{than}` would have measured before it did",
                 source.name, -by
             );
-            let declared: Option<Duration> = source.node.at("time.offset").and_then(|n| n.read(&mut Diagnostics::new()));
-            let offset = declared.map_or(0.0, Duration::si) + by;
-            let place = source
-                .node
-                .at("time.offset")
-                .map_or_else(|| source.node.place_of("time"), Node::place);
-            let edit = Edit::set(format!("source.{}.time.offset", source.name), format!("\"{offset:.2} s\""));
-            let help = edit.to_string();
-            found.comparisons.push(listed(
-                format!("the stamps of {}", source.name),
-                f64::INFINITY,
-                format!("{:.2} s late", -by),
-            ));
-            let told = Diagnostic::warning(message).at(place).rule("clock");
-            found.mistakes.push(told.help(help).edits(vec![edit]));
+            let verdict = format!("{:.2} s late", -by);
+            found
+                .comparisons
+                .push(listed(format!("the stamps of {}", source.name), f64::INFINITY, verdict));
+            found.mistakes.push(mistake::shifted(source, *by, message, ""));
         }
     }
 }
@@ -319,7 +279,7 @@ fn factor(design: &Design, tried: &Tried<'_>, by: f64, e: &Estimate) -> Diagnost
     let message = format!("the numbers of `{}` {is}: else the filter does not follow its data", sensor.name);
     let place = node.map_or_else(|| sensor.node.place(), Node::place);
     let told = Diagnostic::warning(message).at(place).rule("sensor-sign");
-    let help = help.unwrap_or_else(|| Remedy::words("check `unit` and `scale`"));
+    let help = help.unwrap_or_else(mistake::check_unit);
     help.of(told, &format!("source.{name}.{}", channel.unwrap_or_default()))
 }
 

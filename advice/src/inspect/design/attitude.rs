@@ -67,10 +67,9 @@ impl Inspection {
     pub(super) fn judge_attitude(&self, draft: &mut Draft) {
         draft.part("judge");
         let Some(k) = self.with(Quaternion) else {
-            return draft.note("No reference: nothing here looks like a ground truth.");
+            return draft.part("no attitude to judge by");
         };
-        draft.note("guessed: the quaternion comes from a separate system; it only scores the estimate.");
-        draft.note("guessed: it turns sensor axes into east, north, up.");
+        draft.part("attitude to judge by");
         self.source(draft, "truth", k, &[Quaternion], None);
         draft.part("reference");
         draft.set("source", "truth");

@@ -48,10 +48,12 @@ pub(super) struct Draft {
 }
 
 impl Draft {
-    /// Adds a part of the template.
+    /// Adds a part of the template. A part without a header continues the table before it.
     pub(super) fn part(&mut self, name: &'static str) {
-        let header = |line: &str| Some(line.strip_prefix('[')?.strip_suffix(']')?.to_owned());
-        self.table = lines_of(name).filter_map(header).last().unwrap_or_default();
+        let header = |line: &'static str| line.strip_prefix('[')?.strip_suffix(']');
+        if let Some(table) = lines_of(name).filter_map(header).last() {
+            table.clone_into(&mut self.table);
+        }
         self.steps.push(Step::Part(name));
     }
 

@@ -113,17 +113,12 @@ impl Inspection {
         draft.part("head");
         let bank = self.position.as_ref().is_some_and(|(_, track)| track.apart.is_some());
         if driver == Driver::Inertial && self.told() == Told::Nobody {
-            draft.set("bank.hypotheses", 24);
-            draft.set("bank.headings", 24);
-            draft.set("bank.switch", 1);
-            let why = "guessed: no course, compass or magnetometer gives the heading; 24 are tried, and the best one stays";
-            draft.reason("bank", why);
+            draft.part("bank of headings");
         } else if bank {
-            draft.set("bank.hypotheses", 24);
+            draft.part("bank of tracks");
             if driver == Driver::Attitude {
                 draft.set("bank.headings", 12);
             }
-            draft.reason("bank", "guessed: the positions form two tracks, and the filter tries both");
         }
         let what = match driver {
             Driver::Odometer if self.sides().is_some() => "speeds of both sides and positions, in the plane",
@@ -190,7 +185,7 @@ impl Inspection {
     /// Whether the course can give the heading: the gyros turn as it does, and the velocity is reported.
     fn has_course(&self) -> bool {
         let is_fast = |track: &Track| track.is_reported && track.top_speed() > 3.0;
-        self.position.as_ref().is_some_and(|(_, t)| is_fast(t)) && self.pair.is_some_and(|p| p.correlation.abs() > 0.8)
+        self.position.as_ref().is_some_and(|(_, t)| is_fast(t)) && self.pair.is_some_and(|p| p.agrees())
     }
 
     /// The source of the initial heading.
@@ -241,8 +236,7 @@ impl Inspection {
         }
         draft.part("judge");
         if let Some((k, track)) = &self.reference {
-            draft.note("guessed: this file looks like a ground truth, for it has an attitude or the smaller errors.");
-            draft.note("It only scores the estimate; no filter can use it.");
+            draft.part("truth");
             self.source(draft, "reference", *k, &self.reference_kinds(*k), None);
             self.score(draft, "reference", *k, track);
         } else if let Some((k, track)) = self.position.as_ref().filter(|(_, track)| track.rate() > WITHHELD) {
@@ -251,7 +245,7 @@ impl Inspection {
             self.source(draft, "withheld", *k, &self.reference_kinds(*k), Some(every));
             self.score(draft, "withheld", *k, track);
         } else {
-            draft.note("No reference: nothing here looks like a ground truth. Judge the filter by the NIS of its sensors.");
+            draft.part("no truth");
         }
     }
 

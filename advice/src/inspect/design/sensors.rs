@@ -2,7 +2,7 @@
 
 use super::draft::{Draft, list, number};
 use super::{WITHHELD, is_local, track_stride};
-use crate::inspect::numbers::median;
+use crate::inspect::numbers::{by_half, median};
 use crate::inspect::signal::Kind::{
     self, BodyVelocity, Depth, Euler, Geodetic, Heading, Local, MagneticField, PositionSigma, Pressure, Quaternion, Speed, Velocity,
     VelocitySigma,
@@ -221,7 +221,7 @@ impl Inspection {
 
     /// Whether only the length of the force gives the latency of velocities.
     fn is_late_by_force(&self) -> bool {
-        self.pair.is_some_and(|p| p.correlation.abs() <= 0.8 && p.by_force.is_some())
+        self.pair.is_some_and(|p| !p.agrees() && p.by_force.is_some())
     }
 
     /// The assumed latency of positions, if a design declares it \[s\].
@@ -233,7 +233,7 @@ impl Inspection {
     /// The latency of velocities, if it is known \[s\]; with a scaled unit clock, the rest of it.
     pub(super) fn lag(&self) -> Option<f64> {
         let pair = self.pair?;
-        if pair.correlation.abs() <= 0.8 {
+        if !pair.agrees() {
             return pair.by_force;
         }
         let clock = self.logs[self.imu.as_ref()?.0].clock.as_ref()?;
@@ -287,10 +287,9 @@ impl Inspection {
         // 2533).
         let at_sea = median(pressures.iter().take(10).copied()) / math::powf(1.0 - 6.5e-3 * origin[2] / 288.15, 5.255_88);
         let changed: Vec<f64> = pressures.windows(2).filter(|w| w[0] != w[1]).map(|w| w[1]).collect();
-        // The middle of three in a row with white errors, as for positions; a normal number is below 0.674 σ half of
-        // the time.
+        // The middle of three in a row with white errors, as for positions.
         let off = changed.windows(3).map(|p| (p[1] - 0.5 * (p[0] + p[2])).abs());
-        let scatter = median(off) / 0.674 / math::sqrt(1.5_f64);
+        let scatter = by_half(off) / math::sqrt(1.5_f64);
         // Against the heights of the track: wind and speed also change the pressure, but not from row to row.
         let moved = against_heights(log.stamps(), &pressures, track);
         let sigma = if scatter.is_finite() { scatter.max(moved).max(3.0) } else { 10.0 };
@@ -439,8 +438,7 @@ fn against_heights(t: &[f64], pressures: &[f64], track: &Track) -> f64 {
         let expected = pressures[from - 1] * math::exp(-climbed / SCALE);
         (at - before < 1.5 * AFTER).then(|| (pressures[to] - expected).abs() / math::sqrt(2.0_f64))
     });
-    // A normal number is below 0.674 σ half of the time.
-    let scatter = median(off.collect::<Vec<_>>()) / 0.674;
+    let scatter = by_half(off.collect::<Vec<_>>());
     if scatter.is_finite() { scatter } else { 0.0 }
 }
 

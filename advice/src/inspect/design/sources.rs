@@ -140,9 +140,9 @@ impl Inspection {
             _ => is_of_flat,
         };
         let name = if is_horizontal {
-            format!("horizontal_{}", channel_name(signal.kind))
+            format!("horizontal_{}", signal.kind.channel())
         } else {
-            channel_name(signal.kind).to_owned()
+            signal.kind.channel().to_owned()
         };
         let Some(body) = self.body(source, log, signal, is_horizontal) else {
             return;
@@ -433,29 +433,8 @@ impl Condition {
 /// that ends at the stamp.
 fn is_recorded(signal: &Signal, log: &Log) -> bool {
     let unit = if signal.kind == Kind::SpecificForce { "m/s^2" } else { "rad/s" };
-    let written = ["x", "y", "z"].map(|axis| format!("{}_{axis} [{unit}]", channel_name(signal.kind)));
+    let written = ["x", "y", "z"].map(|axis| format!("{}_{axis} [{unit}]", signal.kind.channel()));
     signal.names(&log.table) == written
-}
-
-/// The name of a channel.
-const fn channel_name(kind: Kind) -> &'static str {
-    match kind {
-        Kind::SpecificForce => "specific_force",
-        Kind::AngularRate => "angular_rate",
-        Kind::MagneticField => "magnetic_field",
-        Kind::Geodetic | Kind::Local => "position",
-        Kind::Velocity => "velocity",
-        Kind::BodyVelocity => "body_velocity",
-        Kind::Quaternion | Kind::Euler => "attitude",
-        Kind::Speed | Kind::GroundSpeed => "speed",
-        Kind::Heading => "heading",
-        Kind::YawRate => "yaw_rate",
-        Kind::Depth => "depth",
-        Kind::PositionSigma => "position_sigma",
-        Kind::VelocitySigma => "velocity_sigma",
-        Kind::Wheels => "wheels",
-        Kind::Pressure => "pressure",
-    }
 }
 
 /// A velocity as speed and course; `None` for a velocity along axes.

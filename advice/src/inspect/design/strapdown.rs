@@ -20,13 +20,11 @@ impl Inspection {
         self.noise(draft, imu);
         self.apart(draft);
         if imu.stances.is_some() {
-            on_foot(draft);
+            draft.part("foot in motion");
         } else if let Some((force, rate)) = imu.agile {
-            shaken(draft, "scale and alignment of gyros that turn fast");
+            draft.part("fast turns");
             draft.set("agility.acceleration", format!("{:.0} m/s^2", 2.0 * force));
             draft.set("agility.angular_rate", format!("{:.0} deg/s", 2.0 * rate.to_degrees()));
-            let why = "guessed: twice the limit that one sample in a thousand exceeds; a faster change is a spike";
-            draft.reason("agility", why);
         }
         self.start(draft, imu);
         let is_car = self.is_road_vehicle();
@@ -60,16 +58,14 @@ impl Inspection {
         draft.part("strapdown");
         self.noise(draft, imu);
         self.apart(draft);
-        on_foot(draft);
+        draft.part("foot in motion");
         self.levelling(draft, imu);
         if self.told() == Told::Field {
             draft.part("heading by field");
         }
         draft.part("start of a walk");
         if self.told() != Told::Field {
-            draft.set("heading", "0 deg");
-            draft.set("heading_sigma", "0.1 deg");
-            draft.note("Nothing gives the heading later: the way is relative to the start, and turns with the drift of the gyros.");
+            draft.part("heading of a walk");
         }
         draft.part("aids");
         self.compasses(draft);
@@ -162,8 +158,7 @@ impl Inspection {
             }
         }
         if told == Told::Nobody {
-            draft.set("heading", "0 deg");
-            draft.set("heading_sigma", "180 deg");
+            draft.part("any heading");
         }
     }
 
@@ -248,21 +243,6 @@ impl Inspection {
         }
         draft.part("stop of a car");
     }
-}
-
-/// The noise of a unit in fast motion, as in configs/parts/vehicle/foot.toml.
-fn shaken(draft: &mut Draft, why: &str) {
-    draft.set("accelerometer.vibration", "0.1 s");
-    let why = format!("guessed: {why}; far more than their noise at rest");
-    draft.guess("gyro.scale_noise", "0.1 %/sqrt(Hz)", &why);
-}
-
-/// A foot moves faster than a vehicle, and shakes its unit at every step.
-fn on_foot(draft: &mut Draft) {
-    shaken(draft, "scale and alignment of gyros in swings");
-    draft.set("agility.acceleration", "200 m/s^2");
-    draft.set("agility.angular_rate", "1000 deg/s");
-    draft.reason("agility", "guessed: a foot that strikes the ground; a faster change is a spike");
 }
 
 /// The foot is at rest in every stance, as in configs/templates/person.toml.

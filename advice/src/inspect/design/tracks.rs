@@ -4,7 +4,6 @@ use super::draft::{Draft, number};
 use crate::inspect::numbers::{Vec3, median};
 use crate::inspect::signal::{Kind, Signal};
 use crate::inspect::{Inspection, Log};
-use fusion_core::math;
 
 /// The speeds of both sides.
 pub(super) struct Sides {
@@ -30,11 +29,11 @@ impl Inspection {
     /// The median of the speed of the positions over the mean rate of both sides, in motion \[m\].
     fn radius(&self, log: &Log) -> Option<f64> {
         let ((_, track), rates) = (self.position.as_ref()?, log.values(Kind::Wheels)?);
-        let (t, slowest) = (log.stamps(), 0.5 * track.top_speed());
-        let radii = track.t.iter().zip(&track.velocity).filter_map(|(at, v)| {
-            let row = t.partition_point(|t| t <= at).checked_sub(1)?;
-            let (speed, rate) = (math::hypot(v[0], v[1]), 0.5 * (rates[row][0] + rates[row][1]).abs());
-            (speed > slowest && rate > 0.0).then_some(speed / rate)
+        let t = log.stamps();
+        let radii = track.moving().filter_map(|(at, _, speed)| {
+            let row = t.partition_point(|t| *t <= at).checked_sub(1)?;
+            let rate = 0.5 * (rates[row][0] + rates[row][1]).abs();
+            (rate > 0.0).then_some(speed / rate)
         });
         Some(median(radii)).filter(|radius| radius.is_finite() && t.is_sorted())
     }

@@ -1,6 +1,6 @@
 //! How a first design uses the 1σ that a log reports.
 
-use super::super::signal::reported_by_name;
+use super::super::names::reported_by_name;
 use super::*;
 
 /// The fixes of [`fixes`] with a scatter of `size` \[m/s\], and columns that report the 1σ of their velocities.
