@@ -8,5 +8,6 @@
 
 pub mod campaign;
 pub mod likelihood;
+pub mod observability;
 pub mod stress;
 pub mod tune;

@@ -1,0 +1,271 @@
+//! Parts of a log by the motion in them, and words for it.
+//!
+//! The log is cut into blocks of a second. Neighbours with the most alike motion become one, as Ward's method joins
+//! clusters, so that never more than [`MOST_BLOCKS`] are kept. Blocks and their figures add up.
+
+use fusion::solution::Solution;
+use fusion_core::geometry::so3;
+use fusion_core::math;
+use fusion_core::time::Time;
+use nalgebra::UnitQuaternion;
+use std::f64::consts::{PI, TAU};
+
+/// The shortest block \[s\]: a manoeuvre of a vehicle is longer.
+const SHORTEST: f64 = 1.0;
+
+/// Blocks that are kept while the log is read: several for each segment of the result, so that its borders are found.
+pub(super) const MOST_BLOCKS: usize = 96;
+
+/// Segments of the result: as many as a table of one page holds.
+pub(super) const MOST_SEGMENTS: usize = 16;
+
+/// The motion between two times.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Motion {
+    /// Begin and end \[s\].
+    pub(super) from: f64,
+    pub(super) to: f64,
+    /// The filter starts again here: there are no data.
+    pub(super) is_gap: bool,
+    /// Whether velocity, and heading or course, are known.
+    has_velocity: bool,
+    has_heading: bool,
+    /// Way \[m\], climb \[m\], turn clockwise \[rad\], and the sum of all rotations \[rad\].
+    way: f64,
+    climb: f64,
+    turn: f64,
+    rotation: f64,
+    /// Speed at both ends \[m/s\].
+    speeds: (f64, f64),
+    /// The σ of the velocity, summed over time \[m\].
+    sigma: f64,
+}
+
+/// What a motion is called. It decides words only, and which neighbours become one segment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Gap,
+    Unknown,
+    Rest,
+    Right,
+    Left,
+    Faster,
+    Slower,
+    Climb,
+    Descent,
+    Rotation,
+    Straight,
+}
+
+/// A turn has at least this angle \[rad\]: it mixes two axes by a quarter, sin 15°.
+const TURN: f64 = 15.0 * PI / 180.0;
+
+/// A change of speed is at least this share of the larger speed: half of it.
+const CHANGE: f64 = 0.5;
+
+/// A climb has at least this slope: steeper than roads.
+const SLOPE: f64 = 0.12;
+
+/// A speed below this number of σ may be zero: of a normal error, 0.3 % are larger.
+const SIGMAS: f64 = 3.0;
+
+impl Motion {
+    /// A gap in which the filter starts again.
+    pub(super) fn gap(from: f64, to: f64) -> Self {
+        Self {
+            from,
+            to,
+            is_gap: true,
+            ..Self::default()
+        }
+    }
+
+    pub(super) const fn duration(&self) -> f64 {
+        self.to - self.from
+    }
+
+    /// This motion and then `next`.
+    pub(super) fn then(&self, next: &Self) -> Self {
+        Self {
+            from: self.from,
+            to: next.to,
+            is_gap: self.is_gap,
+            has_velocity: self.has_velocity && next.has_velocity,
+            has_heading: self.has_heading && next.has_heading,
+            way: self.way + next.way,
+            climb: self.climb + next.climb,
+            turn: self.turn + next.turn,
+            rotation: self.rotation + next.rotation,
+            speeds: (self.speeds.0, next.speeds.1),
+            sigma: self.sigma + next.sigma,
+        }
+    }
+
+    fn kind(&self) -> Kind {
+        let (before, after) = self.speeds;
+        if self.is_gap {
+            Kind::Gap
+        } else if !(self.has_velocity || self.has_heading) {
+            Kind::Unknown
+        } else if self.turn.abs() >= TURN {
+            if self.turn > 0.0 { Kind::Right } else { Kind::Left }
+        } else if self.rotation >= TURN && !self.is_moving() {
+            Kind::Rotation
+        } else if !self.is_moving() {
+            Kind::Rest
+        } else if (after - before).abs() > (CHANGE * before.max(after)).max(SIGMAS * self.sigma / self.duration()) {
+            if after > before { Kind::Faster } else { Kind::Slower }
+        } else if self.climb.abs() > SLOPE * self.way {
+            if self.climb > 0.0 { Kind::Climb } else { Kind::Descent }
+        } else {
+            Kind::Straight
+        }
+    }
+
+    fn is_moving(&self) -> bool {
+        self.has_velocity && self.way > SIGMAS * self.sigma
+    }
+
+    /// The motion in words.
+    pub(super) fn words(&self) -> String {
+        let speed = |v: f64| fusion_tables::short((v * 10.0).round() / 10.0);
+        let degrees = self.turn.to_degrees().abs().round();
+        match self.kind() {
+            Kind::Gap => "the filter starts again".to_owned(),
+            Kind::Unknown => String::new(),
+            Kind::Rest => "at rest".to_owned(),
+            Kind::Right => format!("turns right by {degrees} deg"),
+            Kind::Left => format!("turns left by {degrees} deg"),
+            Kind::Faster => format!("speeds up from {} to {} m/s", speed(self.speeds.0), speed(self.speeds.1)),
+            Kind::Slower => format!("slows down from {} to {} m/s", speed(self.speeds.0), speed(self.speeds.1)),
+            Kind::Climb => format!("climbs by {} m", self.climb.round()),
+            Kind::Descent => format!("descends by {} m", self.climb.abs().round()),
+            Kind::Rotation => "rotates on the spot".to_owned(),
+            Kind::Straight => format!("straight, {} m/s", speed(self.way / self.duration())),
+        }
+    }
+
+    /// Velocities, accelerations and rates, each group in one unit.
+    fn features(&self) -> [[f64; 2]; 3] {
+        let duration = self.duration();
+        let (speed, turn) = (self.way / duration, self.turn / duration);
+        let forward = (self.speeds.1 - self.speeds.0) / duration;
+        [[speed, self.climb / duration], [forward, speed * turn], [turn, self.rotation / duration]]
+    }
+}
+
+/// Follows the solutions of a run.
+#[derive(Debug, Default)]
+pub(super) struct Follower {
+    block: Option<Motion>,
+    last: Option<Last>,
+}
+
+#[derive(Debug)]
+struct Last {
+    time: Time,
+    heading: Option<f64>,
+    attitude: Option<UnitQuaternion<f64>>,
+}
+
+impl Follower {
+    /// Forgets the solutions before a start.
+    pub(super) fn start(&mut self, time: Time) {
+        let at = time.seconds();
+        *self = Self {
+            block: Some(Motion {
+                from: at,
+                to: at,
+                ..Motion::default()
+            }),
+            last: None,
+        };
+    }
+
+    /// Takes the solution of an estimate. Returns the block that ends there, if one does.
+    pub(super) fn take(&mut self, time: Time, solution: &Solution) -> Option<Motion> {
+        let block = self.block.as_mut()?;
+        let is_first = self.last.is_none();
+        let velocity = solution.velocity.as_ref();
+        let (speed, sigma) = velocity.map_or((0.0, 0.0), |(v, p)| (v.norm(), math::sqrt(p.trace())));
+        let attitude = solution.attitude.map(|(q, _)| q);
+        let course = velocity.filter(|_| speed > SIGMAS * sigma).map(|(v, _)| math::atan2(v.y, v.x));
+        let heading = attitude.map(|q| so3::to_rpy(&q).z).or(course);
+        block.to = time.seconds();
+        block.has_velocity = velocity.is_some();
+        block.has_heading = heading.is_some();
+        block.speeds.1 = speed;
+        if is_first {
+            block.speeds.0 = speed;
+        }
+        if let Some(last) = &self.last {
+            let dt = time.seconds_since(last.time);
+            block.way += speed * dt;
+            block.sigma += sigma * dt;
+            block.climb -= velocity.map_or(0.0, |(v, _)| v.z) * dt;
+            if let (Some(now), Some(before)) = (heading, last.heading) {
+                block.turn += wrapped(now - before);
+            }
+            if let (Some(now), Some(before)) = (attitude, last.attitude) {
+                block.rotation += so3::log(&(before.inverse() * now)).norm();
+            }
+        }
+        self.last = Some(Last { time, heading, attitude });
+        let is_whole = block.duration() >= SHORTEST;
+        is_whole.then(|| self.cut()).flatten()
+    }
+
+    /// Ends the block at the latest solution; `None` if it is empty.
+    pub(super) fn cut(&mut self) -> Option<Motion> {
+        let block = self.block.as_mut().filter(|block| block.duration() > 0.0)?;
+        let next = Motion {
+            from: block.to,
+            to: block.to,
+            speeds: (block.speeds.1, block.speeds.1),
+            ..Motion::default()
+        };
+        Some(core::mem::replace(block, next))
+    }
+}
+
+/// To (−π, π].
+fn wrapped(angle: f64) -> f64 {
+    angle - TAU * (angle / TAU).round()
+}
+
+/// The number of the block whose motion is most alike that of the next; `None` if no two blocks can be joined.
+pub(super) fn most_alike(blocks: &[Motion]) -> Option<usize> {
+    let features: Vec<_> = blocks.iter().map(Motion::features).collect();
+    let total: f64 = blocks.iter().map(Motion::duration).sum();
+    let moving = || blocks.iter().zip(&features).filter(|(block, _)| !block.is_gap);
+    // The mean square of each group around its mean.
+    let spread: [f64; 3] = core::array::from_fn(|group| {
+        (0..2)
+            .map(|k| {
+                let moment = |power: i32| {
+                    let each = moving().map(|(block, f)| block.duration() * math::powi(f[group][k], power));
+                    each.sum::<f64>() / total
+                };
+                moment(2) - moment(1) * moment(1)
+            })
+            .sum()
+    });
+    let cost = |i: usize| {
+        let (one, other) = (blocks[i].duration(), blocks[i + 1].duration());
+        let square = |group: usize| {
+            let off = (0..2).map(|k| features[i][group][k] - features[i + 1][group][k]);
+            off.map(|d| d * d).sum::<f64>() / spread[group]
+        };
+        let groups = (0..3).filter(|group| spread[*group] > 0.0);
+        one * other / (one + other) * groups.map(square).sum::<f64>()
+    };
+    let pairs = (0..blocks.len().saturating_sub(1)).filter(|i| !(blocks[*i].is_gap || blocks[i + 1].is_gap));
+    pairs.map(|i| (i, cost(i))).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+}
+
+/// The number of a block that has the same name as the next.
+pub(super) fn same_name(blocks: &[Motion]) -> Option<usize> {
+    let pairs = blocks.windows(2);
+    let mut kinds = pairs.map(|pair| (pair[0].kind(), pair[1].kind()));
+    kinds.position(|(one, other)| one == other && one != Kind::Gap && one != Kind::Unknown)
+}

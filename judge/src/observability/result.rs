@@ -1,0 +1,282 @@
+//! What the data of a run say about each state, and which part of the log says it.
+
+use super::element::{Element, conditioned};
+use super::recorder::{Recorder, Track, forgotten, is_heading};
+use fusion_core::math;
+use fusion_core::state::{Block, Kind, Layout, StateRole};
+use nalgebra::{DMatrix, DVector};
+
+/// A state of the filter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Its block.
+    pub block: String,
+    /// Its name: that of the block, and its axis.
+    pub name: String,
+    /// Its unit, SI.
+    pub unit: &'static str,
+    /// Its initial σ.
+    pub sigma: f64,
+    /// The smallest σ along the log, given all data, over the initial σ.
+    pub left: f64,
+    /// For each segment, the factor by which that σ is larger if the segment is left out.
+    pub raised: Vec<f64>,
+}
+
+impl State {
+    /// Whether the data determine it: the information about it is above 1, so that they leave less than half of the
+    /// initial variance.
+    #[must_use]
+    pub fn is_identifiable(&self) -> bool {
+        self.left * self.left < HALF
+    }
+
+    /// The segment that gives at least half of the information about it, so that the variance doubles without the
+    /// segment, with the factor by which its σ is then larger. `None` if no segment does, or if the state is not
+    /// identifiable.
+    #[must_use]
+    pub fn identified_by(&self) -> Option<(usize, f64)> {
+        let segments = self.raised.iter().copied().enumerate();
+        let most = segments.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        (self.is_identifiable() && most.1 * most.1 * HALF >= 1.0).then_some(most)
+    }
+}
+
+/// Information 1 leaves half of the initial variance: 1 / (1 + 1).
+const HALF: f64 = 0.5;
+
+/// A part of the log with one motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Segment {
+    /// Begin \[s\].
+    pub from: f64,
+    /// End \[s\].
+    pub to: f64,
+    /// The motion in words; empty for a filter without position, velocity and attitude.
+    pub motion: String,
+}
+
+/// A direction of the state, and the information about it in units of the initial σ.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Direction {
+    /// The information; the initial σ alone is 0, and 1 leaves half of the variance.
+    pub information: f64,
+    /// For each state, its component in units of its initial σ; the largest is 1.
+    pub components: Vec<f64>,
+}
+
+/// The updates of a sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorUse {
+    /// Its name.
+    pub name: String,
+    /// Whether it has no data, and is a constraint that the design declares.
+    pub is_constraint: bool,
+    /// Updates that count.
+    pub used: u64,
+    /// Updates that a gate rejected, or that were not possible.
+    pub rejected: u64,
+}
+
+/// What remains without some sensors.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Without {
+    /// The sensors that are left out together.
+    pub sensors: Vec<String>,
+    /// As [`Observability::rank`].
+    pub rank: usize,
+    /// As [`State::left`], for each state.
+    pub left: Vec<f64>,
+}
+
+/// The observability of a design along a motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observability {
+    /// The states with an initial σ above zero.
+    pub states: Vec<State>,
+    /// The parts of the log, without the times in which the filter did not run.
+    pub segments: Vec<Segment>,
+    /// The directions of the state, the least known first, at the time at which most of them are known.
+    pub directions: Vec<Direction>,
+    /// The number of directions with information above 1.
+    pub rank: usize,
+    /// The rank of the stacked matrix in the arithmetic of the machine: every direction about which the measurements say
+    /// anything at all, if the process had no noise.
+    pub exact_rank: usize,
+    /// The singular values of the stacked matrix in units of the initial σ, the largest first.
+    pub singular_values: Vec<f64>,
+    /// The sensors.
+    pub sensors: Vec<SensorUse>,
+    /// What remains without each list of sensors.
+    pub without: Vec<Without>,
+}
+
+impl Observability {
+    /// The states of a block.
+    pub fn of_block<'a>(&'a self, block: &'a str) -> impl Iterator<Item = &'a State> {
+        self.states.iter().filter(move |state| state.block == block)
+    }
+
+    /// The result of a recorder that has heard a run; `None` if the filter never started.
+    pub(super) fn of(recorder: &Recorder, names: &dyn Fn(usize) -> (String, bool), lists: &[Vec<String>]) -> Option<Self> {
+        let layout = recorder.layout()?;
+        let axes: Vec<usize> = (0..layout.dim()).filter(|i| recorder.sigma[*i] > 0.0).collect();
+        let (all, others) = recorder.tracks.split_first()?;
+        let view = View {
+            layout,
+            sigma: &recorder.sigma,
+            axes: &axes,
+        };
+        let smoothed = view.smoothed(&all.parts);
+        let left = view.left(&smoothed);
+        let places: Vec<usize> = (0..recorder.motions.len()).filter(|i| !recorder.motions[*i].is_gap).collect();
+        let mut raised = vec![Vec::new(); axes.len()];
+        for &place in &places {
+            let seconds = recorder.motions[place].duration();
+            let mut parts = all.parts.clone();
+            parts[place] = forgotten(layout, &recorder.sigma, seconds);
+            let without = view.left(&view.smoothed(&parts));
+            for (raised, (without, left)) in raised.iter_mut().zip(without.iter().zip(&left)) {
+                raised.push(without / left);
+            }
+        }
+        let directions = view.directions(&smoothed);
+        let stacked = recorder.stacked.as_ref()?;
+        let singular_values = stacked.singular_values(&recorder.sigma);
+        let sensors = recorder.counts.iter().enumerate().map(|(sensor, count)| {
+            let (name, is_constraint) = names(sensor);
+            SensorUse {
+                name,
+                is_constraint,
+                used: count.used,
+                rejected: count.rejected,
+            }
+        });
+        let remains = |(track, sensors): (&Track, &Vec<String>)| {
+            let smoothed = view.smoothed(&track.parts);
+            Without {
+                sensors: sensors.clone(),
+                rank: known(&view.directions(&smoothed)),
+                left: view.left(&smoothed),
+            }
+        };
+        Some(Self {
+            states: view.states(&left, raised),
+            segments: places
+                .iter()
+                .map(|place| &recorder.motions[*place])
+                .map(|motion| Segment {
+                    from: motion.from,
+                    to: motion.to,
+                    motion: motion.words(),
+                })
+                .collect(),
+            rank: known(&directions),
+            directions,
+            exact_rank: stacked.rank(&singular_values),
+            singular_values,
+            sensors: sensors.collect(),
+            without: others.iter().zip(lists).map(remains).collect(),
+        })
+    }
+}
+
+/// The number of directions with information above 1.
+fn known(directions: &[Direction]) -> usize {
+    directions.iter().filter(|direction| direction.information > 1.0).count()
+}
+
+/// The states with an initial σ.
+struct View<'a> {
+    layout: &'a Layout,
+    sigma: &'a [f64],
+    axes: &'a [usize],
+}
+
+impl View<'_> {
+    /// The covariance at each border of the parts, given all of them, in units of the initial σ.
+    fn smoothed(&self, parts: &[Element]) -> Vec<DMatrix<f64>> {
+        let prior = self.sigma.iter().map(|s| f64::from(u8::from(*s > 0.0)));
+        let n = self.sigma.len();
+        let mut forward = vec![DMatrix::from_diagonal(&DVector::from_iterator(n, prior))];
+        for part in parts {
+            forward.extend(forward.last().map(|p| part.forward(p)));
+        }
+        let mut later = DMatrix::zeros(n, n);
+        for (place, p) in forward.iter_mut().enumerate().rev() {
+            *p = conditioned(p, &later);
+            if let Some(part) = place.checked_sub(1).map(|before| &parts[before]) {
+                later = part.backward(&later);
+            }
+        }
+        let own = |p: DMatrix<f64>| p.select_rows(self.axes).select_columns(self.axes);
+        forward.into_iter().map(own).collect()
+    }
+
+    /// The smallest σ of each state, over its initial σ.
+    fn left(&self, smoothed: &[DMatrix<f64>]) -> Vec<f64> {
+        let smallest = |i: usize| smoothed.iter().map(|p| p[(i, i)]).fold(f64::INFINITY, f64::min);
+        (0..self.axes.len()).map(|i| math::sqrt(smallest(i).max(0.0))).collect()
+    }
+
+    /// The directions at the border at which most are known; of several, at that with the smallest volume.
+    fn directions(&self, smoothed: &[DMatrix<f64>]) -> Vec<Direction> {
+        let at = |p: &DMatrix<f64>| {
+            let eigen = p.clone().symmetric_eigen();
+            let mut all: Vec<Direction> = eigen
+                .eigenvalues
+                .iter()
+                .zip(eigen.eigenvectors.column_iter())
+                .map(|(variance, vector)| Direction {
+                    information: (1.0 / variance.max(f64::MIN_POSITIVE) - 1.0).max(0.0),
+                    components: (vector / vector[vector.icamax()]).iter().copied().collect(),
+                })
+                .collect();
+            all.sort_by(|a, b| a.information.total_cmp(&b.information));
+            all
+        };
+        let order = |directions: &Vec<Direction>| {
+            let volume: f64 = directions.iter().map(|d| math::ln(1.0 + d.information)).sum();
+            (known(directions), volume)
+        };
+        let each = smoothed.iter().map(at).map(|directions| (order(&directions), directions));
+        let best = each.max_by(|(a, _), (b, _)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        best.map(|(_, directions)| directions).unwrap_or_default()
+    }
+
+    fn states(&self, left: &[f64], raised: Vec<Vec<f64>>) -> Vec<State> {
+        let blocks = self.layout.blocks().iter();
+        let mut named = blocks.flat_map(|block| (0..block.kind.dim()).map(move |k| (block, k)));
+        let figures = self.axes.iter().zip(left).zip(raised);
+        figures
+            .filter_map(|((axis, left), raised)| {
+                let (block, k) = named.find(|(block, k)| block.tangent + k == *axis)?;
+                Some(State {
+                    block: block.name.clone(),
+                    name: name(block, k),
+                    unit: block.unit,
+                    sigma: self.sigma[*axis],
+                    left: *left,
+                    raised,
+                })
+            })
+            .collect()
+    }
+}
+
+/// The name of axis `k` of a block.
+fn name(block: &Block, k: usize) -> String {
+    if is_heading(block) {
+        return ["tilt about north", "tilt about east", "heading"][k].to_owned();
+    }
+    let words = block.name.replace('_', " ").replace('.', " ");
+    let is_motion = block.role == StateRole::Kinematic && !block.is_in_body_axes();
+    let axis = match block.kind {
+        kind if kind.dim() == 1 => return words,
+        Kind::Geodetic => ["north", "east", "down"].get(k),
+        Kind::Position | Kind::Velocity if is_motion => ["north", "east", "down"].get(k),
+        kind if kind.dim() <= 3 => ["x", "y", "z"].get(k),
+        _ => None,
+    };
+    axis.map_or_else(|| format!("{words} {}", k + 1), |axis| format!("{words} {axis}"))
+}
