@@ -41,8 +41,8 @@ pub(super) fn show(args: &ObservabilityArgs, design: &DesignArgs, output: &Outpu
                 "In units of the initial σ of each state. A direction with information 1 has half of its initial variance left.",
             ),
             Section::new("States", [states(&found)]).note(
-                "`left`: the smallest σ along the log, given all data, over the initial σ. `× without it`: the factor by which that σ grows \
-                 if no data of the segment exist.",
+                "`left`: the smallest σ along the log, given all data, over the initial σ. `× without`: the factor by which that σ grows if no \
+                 data of that segment, or of all such motion, exist.",
             ),
             Section::new("Segments", [segments(&found)]),
             Section::new("Sensors", [sensors(&found)]),
@@ -105,15 +105,15 @@ fn states(found: &Observability) -> Table {
         Column::number("smallest σ"),
         Column::number("left"),
         Column::text("identified by"),
-        Column::number("× without it"),
+        Column::number("× without"),
     ]);
     for state in &found.states {
-        let (by, factor) = match state.identified_by() {
-            Some((segment, factor)) => (format!("segment {}: {}", segment + 1, found.segments[segment].motion), Cell::Ratio(factor)),
-            None if state.is_identifiable() => ("no single segment".to_owned(), Cell::Empty),
-            None => ("not identifiable".to_owned(), Cell::Empty),
+        let (by, factor) = match (state.identified_by(), state.identified_by_kind()) {
+            (Some((segment, factor)), _) => (format!("segment {}", segment + 1), Cell::Ratio(factor)),
+            (None, Some((kind, factor))) => (found.kinds[kind].to_owned(), Cell::Ratio(factor)),
+            (None, None) if state.is_identifiable() => ("several motions".to_owned(), Cell::Empty),
+            (None, None) => ("not identifiable".to_owned(), Cell::Empty),
         };
-        let by = by.trim_end_matches([':', ' ']);
         let cells = [
             Cell::text(&state.name),
             Cell::Real(state.sigma),

@@ -26,7 +26,7 @@ mod result;
 mod stacked;
 
 pub use element::{Change, Element};
-pub use result::{Direction, Observability, Segment, SensorUse, State, Without};
+pub use result::{DECISIVE, Direction, Observability, Segment, SensorUse, State, Without};
 pub use stacked::Stacked;
 
 use fusion::config::{Diagnostic, Diagnostics};
@@ -73,7 +73,7 @@ pub fn observability(
     run.go(&mut [&mut recorder], progress)?;
     recorder.finish().map_err(|why| Diagnostic::error(why.to_string()))?;
     let name = |sensor: usize| (infos[sensor].0.clone(), infos[sensor].2);
-    let found = Observability::of(&recorder, &name, without);
+    let found = Observability::of(&mut recorder, &name, without);
     let found = found.ok_or_else(|| Diagnostic::error("the filter never started: there is no motion to judge").help("`fusion run` says what it waits for"))?;
     if found.singular_values.iter().all(|s| *s == 0.0) {
         let none = Diagnostic::error("no measurement was linearised: there is no information to judge");

@@ -35,6 +35,8 @@ pub(super) struct Motion {
     climb: f64,
     turn: f64,
     rotation: f64,
+    /// The sum of all turns of either direction that are faster than [`RATE`] \[rad\].
+    turning: f64,
     /// Speed at both ends \[m/s\].
     speeds: (f64, f64),
     /// The σ of the velocity, summed over time \[m\].
@@ -49,6 +51,7 @@ enum Kind {
     Rest,
     Right,
     Left,
+    Winding,
     Faster,
     Slower,
     Climb,
@@ -60,8 +63,14 @@ enum Kind {
 /// A turn has at least this angle \[rad\]: it mixes two axes by a quarter, sin 15°.
 const TURN: f64 = 15.0 * PI / 180.0;
 
-/// A change of speed is at least this share of the larger speed: half of it.
-const CHANGE: f64 = 0.5;
+/// Or it is part of one: at this rate \[rad/s\], three seconds make a turn.
+const RATE: f64 = TURN / 3.0;
+
+/// A motion of one direction has at least this share of all its turns in it.
+const ONE_WAY: f64 = 0.8;
+
+/// A change of speed is at least this share of the larger speed: less is what a driver calls a constant speed.
+const CHANGE: f64 = 0.2;
 
 /// A climb has at least this slope: steeper than roads.
 const SLOPE: f64 = 0.12;
@@ -96,6 +105,7 @@ impl Motion {
             climb: self.climb + next.climb,
             turn: self.turn + next.turn,
             rotation: self.rotation + next.rotation,
+            turning: self.turning + next.turning,
             speeds: (self.speeds.0, next.speeds.1),
             sigma: self.sigma + next.sigma,
         }
@@ -107,7 +117,9 @@ impl Motion {
             Kind::Gap
         } else if !(self.has_velocity || self.has_heading) {
             Kind::Unknown
-        } else if self.turn.abs() >= TURN {
+        } else if self.turning >= TURN && self.turn.abs() < ONE_WAY * self.turning {
+            Kind::Winding
+        } else if self.turn.abs() >= TURN.min(RATE * self.duration()) {
             if self.turn > 0.0 { Kind::Right } else { Kind::Left }
         } else if self.rotation >= TURN && !self.is_moving() {
             Kind::Rotation
@@ -136,6 +148,7 @@ impl Motion {
             Kind::Rest => "at rest".to_owned(),
             Kind::Right => format!("turns right by {degrees} deg"),
             Kind::Left => format!("turns left by {degrees} deg"),
+            Kind::Winding => format!("turns both ways, by {} deg in all", self.turning.to_degrees().round()),
             Kind::Faster => format!("speeds up from {} to {} m/s", speed(self.speeds.0), speed(self.speeds.1)),
             Kind::Slower => format!("slows down from {} to {} m/s", speed(self.speeds.0), speed(self.speeds.1)),
             Kind::Climb => format!("climbs by {} m", self.climb.round()),
@@ -143,6 +156,19 @@ impl Motion {
             Kind::Rotation => "rotates on the spot".to_owned(),
             Kind::Straight => format!("straight, {} m/s", speed(self.way / self.duration())),
         }
+    }
+
+    /// The motions of which it is one; `None` if it has no name.
+    pub(super) fn group(&self) -> Option<&'static str> {
+        Some(match self.kind() {
+            Kind::Gap | Kind::Unknown => return None,
+            Kind::Rest => "rest",
+            Kind::Right | Kind::Left | Kind::Winding => "turns",
+            Kind::Faster | Kind::Slower => "changes of speed",
+            Kind::Climb | Kind::Descent => "climbs and descents",
+            Kind::Rotation => "rotations on the spot",
+            Kind::Straight => "straight motion",
+        })
     }
 
     /// Velocities, accelerations and rates, each group in one unit.
@@ -211,8 +237,13 @@ impl Follower {
             }
         }
         self.last = Some(Last { time, heading, attitude });
-        let is_whole = block.duration() >= SHORTEST;
-        is_whole.then(|| self.cut()).flatten()
+        if block.duration() < SHORTEST {
+            return None;
+        }
+        if block.turn.abs() >= RATE * block.duration() {
+            block.turning = block.turn.abs();
+        }
+        self.cut()
     }
 
     /// Ends the block at the latest solution; `None` if it is empty.

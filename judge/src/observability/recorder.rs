@@ -221,24 +221,34 @@ impl Recorder {
         }
     }
 
-    /// The end of the run: joins the parts to segments.
+    /// The end of the run: ends the last part.
     pub(super) fn finish(&mut self) -> Result<(), Halt> {
         self.cut()?;
+        self.join_names();
+        Ok(())
+    }
+
+    /// Joins the parts to the segments of the result.
+    pub(super) fn join_segments(&mut self) {
         let joinable = |motions: &[Motion]| motions.iter().filter(|motion| !motion.is_gap).count();
         while joinable(&self.motions) > MOST_SEGMENTS
             && let Some(pair) = most_alike(&self.motions)
         {
             self.join(pair);
         }
+        self.join_names();
+    }
+
+    /// Joins neighbours with the same name.
+    fn join_names(&mut self) {
         while let Some(pair) = same_name(&self.motions) {
             self.join(pair);
         }
-        Ok(())
     }
 
     /// The layout of the filter; `None` if it never started.
-    pub(super) fn layout(&self) -> Option<&Layout> {
-        self.layout.as_deref()
+    pub(super) fn layout(&self) -> Option<Arc<Layout>> {
+        self.layout.clone()
     }
 }
 

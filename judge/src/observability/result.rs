@@ -1,6 +1,7 @@
 //! What the data of a run say about each state, and which part of the log says it.
 
 use super::element::{Element, conditioned};
+use super::motion::Motion;
 use super::recorder::{Recorder, Track, forgotten, is_heading};
 use fusion_core::math;
 use fusion_core::state::{Block, Kind, Layout, StateRole};
@@ -21,6 +22,8 @@ pub struct State {
     pub left: f64,
     /// For each segment, the factor by which that σ is larger if the segment is left out.
     pub raised: Vec<f64>,
+    /// For each kind of motion, the same if all of it is left out.
+    pub raised_by_kind: Vec<f64>,
 }
 
 impl State {
@@ -31,16 +34,28 @@ impl State {
         self.left * self.left < HALF
     }
 
-    /// The segment that gives at least half of the information about it, so that the variance doubles without the
-    /// segment, with the factor by which its σ is then larger. `None` if no segment does, or if the state is not
-    /// identifiable.
+    /// The segment without which its σ is largest, with the factor, if that is at least [`DECISIVE`]. `None` if no segment
+    /// is so important, or if the state is not identifiable.
     #[must_use]
     pub fn identified_by(&self) -> Option<(usize, f64)> {
-        let segments = self.raised.iter().copied().enumerate();
-        let most = segments.max_by(|a, b| a.1.total_cmp(&b.1))?;
-        (self.is_identifiable() && most.1 * most.1 * HALF >= 1.0).then_some(most)
+        self.most(&self.raised)
+    }
+
+    /// The same for all motion of a kind together.
+    #[must_use]
+    pub fn identified_by_kind(&self) -> Option<(usize, f64)> {
+        self.most(&self.raised_by_kind)
+    }
+
+    fn most(&self, raised: &[f64]) -> Option<(usize, f64)> {
+        let most = raised.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        (self.is_identifiable() && most.1 >= DECISIVE).then_some(most)
     }
 }
+
+/// A motion identifies a state if the σ doubles without it: it gives three quarters of the information. A state that is
+/// measured all the time loses up to half at the border of any segment.
+pub const DECISIVE: f64 = 2.0;
 
 /// Information 1 leaves half of the initial variance: 1 / (1 + 1).
 const HALF: f64 = 0.5;
@@ -54,6 +69,16 @@ pub struct Segment {
     pub to: f64,
     /// The motion in words; empty for a filter without position, velocity and attitude.
     pub motion: String,
+}
+
+impl Segment {
+    fn of(motion: &Motion) -> Self {
+        Self {
+            from: motion.from,
+            to: motion.to,
+            motion: motion.words(),
+        }
+    }
 }
 
 /// A direction of the state, and the information about it in units of the initial σ.
@@ -96,6 +121,8 @@ pub struct Observability {
     pub states: Vec<State>,
     /// The parts of the log, without the times in which the filter did not run.
     pub segments: Vec<Segment>,
+    /// The kinds of motion in the log: `turns`, `rest`.
+    pub kinds: Vec<&'static str>,
     /// The directions of the state, the least known first, at the time at which most of them are known.
     pub directions: Vec<Direction>,
     /// The number of directions with information above 1.
@@ -118,28 +145,26 @@ impl Observability {
     }
 
     /// The result of a recorder that has heard a run; `None` if the filter never started.
-    pub(super) fn of(recorder: &Recorder, names: &dyn Fn(usize) -> (String, bool), lists: &[Vec<String>]) -> Option<Self> {
+    pub(super) fn of(recorder: &mut Recorder, names: &dyn Fn(usize) -> (String, bool), lists: &[Vec<String>]) -> Option<Self> {
         let layout = recorder.layout()?;
-        let axes: Vec<usize> = (0..layout.dim()).filter(|i| recorder.sigma[*i] > 0.0).collect();
-        let (all, others) = recorder.tracks.split_first()?;
+        let sigma = recorder.sigma.clone();
+        let axes: Vec<usize> = (0..layout.dim()).filter(|i| sigma[*i] > 0.0).collect();
         let view = View {
-            layout,
-            sigma: &recorder.sigma,
+            layout: &layout,
+            sigma: &sigma,
             axes: &axes,
         };
+        let mut kinds: Vec<&str> = recorder.motions.iter().filter_map(Motion::group).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        let of_kind = |kind: &&str| view.raised(recorder, &|motion| motion.group() == Some(*kind));
+        let by_kind: Vec<Vec<f64>> = kinds.iter().map(of_kind).collect::<Option<_>>()?;
+        recorder.join_segments();
+        let segments: Vec<&Motion> = recorder.motions.iter().filter(|motion| !motion.is_gap).collect();
+        let left_out = |segment: &&Motion| view.raised(recorder, &|motion| motion == *segment);
+        let by_segment: Vec<Vec<f64>> = segments.iter().map(left_out).collect::<Option<_>>()?;
+        let (all, others) = recorder.tracks.split_first()?;
         let smoothed = view.smoothed(&all.parts);
-        let left = view.left(&smoothed);
-        let places: Vec<usize> = (0..recorder.motions.len()).filter(|i| !recorder.motions[*i].is_gap).collect();
-        let mut raised = vec![Vec::new(); axes.len()];
-        for &place in &places {
-            let seconds = recorder.motions[place].duration();
-            let mut parts = all.parts.clone();
-            parts[place] = forgotten(layout, &recorder.sigma, seconds);
-            let without = view.left(&view.smoothed(&parts));
-            for (raised, (without, left)) in raised.iter_mut().zip(without.iter().zip(&left)) {
-                raised.push(without / left);
-            }
-        }
         let directions = view.directions(&smoothed);
         let stacked = recorder.stacked.as_ref()?;
         let singular_values = stacked.singular_values(&recorder.sigma);
@@ -161,16 +186,9 @@ impl Observability {
             }
         };
         Some(Self {
-            states: view.states(&left, raised),
-            segments: places
-                .iter()
-                .map(|place| &recorder.motions[*place])
-                .map(|motion| Segment {
-                    from: motion.from,
-                    to: motion.to,
-                    motion: motion.words(),
-                })
-                .collect(),
+            states: view.states(&view.left(&smoothed), &by_segment, &by_kind),
+            kinds,
+            segments: segments.into_iter().map(Segment::of).collect(),
             rank: known(&directions),
             directions,
             exact_rank: stacked.rank(&singular_values),
@@ -219,6 +237,17 @@ impl View<'_> {
         (0..self.axes.len()).map(|i| math::sqrt(smallest(i).max(0.0))).collect()
     }
 
+    /// The factor by which the smallest σ of each state grows without the parts of some motions.
+    fn raised(&self, recorder: &Recorder, is_left_out: &dyn Fn(&Motion) -> bool) -> Option<Vec<f64>> {
+        let mut parts = recorder.tracks.first()?.parts.clone();
+        let all = self.left(&self.smoothed(&parts));
+        for (part, motion) in parts.iter_mut().zip(&recorder.motions).filter(|(_, motion)| is_left_out(motion)) {
+            *part = forgotten(self.layout, self.sigma, motion.duration());
+        }
+        let without = self.left(&self.smoothed(&parts));
+        Some(without.iter().zip(&all).map(|(without, all)| without / all).collect())
+    }
+
     /// The directions at the border at which most are known; of several, at that with the smallest volume.
     fn directions(&self, smoothed: &[DMatrix<f64>]) -> Vec<Direction> {
         let at = |p: &DMatrix<f64>| {
@@ -244,23 +273,20 @@ impl View<'_> {
         best.map(|(_, directions)| directions).unwrap_or_default()
     }
 
-    fn states(&self, left: &[f64], raised: Vec<Vec<f64>>) -> Vec<State> {
+    fn states(&self, left: &[f64], by_segment: &[Vec<f64>], by_kind: &[Vec<f64>]) -> Vec<State> {
         let blocks = self.layout.blocks().iter();
-        let mut named = blocks.flat_map(|block| (0..block.kind.dim()).map(move |k| (block, k)));
-        let figures = self.axes.iter().zip(left).zip(raised);
-        figures
-            .filter_map(|((axis, left), raised)| {
-                let (block, k) = named.find(|(block, k)| block.tangent + k == *axis)?;
-                Some(State {
-                    block: block.name.clone(),
-                    name: name(block, k),
-                    unit: block.unit,
-                    sigma: self.sigma[*axis],
-                    left: *left,
-                    raised,
-                })
-            })
-            .collect()
+        let named = blocks.flat_map(|block| (0..block.kind.dim()).map(move |k| (block, k)));
+        let known = named.filter(|(block, k)| self.axes.contains(&(block.tangent + k)));
+        let states = known.zip(left).enumerate().map(|(place, ((block, k), left))| State {
+            block: block.name.clone(),
+            name: name(block, k),
+            unit: block.unit,
+            sigma: self.sigma[block.tangent + k],
+            left: *left,
+            raised: by_segment.iter().map(|raised| raised[place]).collect(),
+            raised_by_kind: by_kind.iter().map(|raised| raised[place]).collect(),
+        });
+        states.collect()
     }
 }
 
