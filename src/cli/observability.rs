@@ -5,7 +5,7 @@ use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
 use fusion::provenance::Provenance;
 use fusion::run::{Options, Smoothing};
-use fusion_judge::observability::{Direction, Observability, State, observability};
+use fusion_judge::observability::{Cause, Direction, Observability, State, observability};
 use fusion_tables::{Cell, Column, Page, Section, Table, Unit, short};
 
 #[derive(Debug, Args)]
@@ -82,7 +82,11 @@ fn words(direction: &Direction, states: &[State]) -> String {
             (false, false) => " + ",
         };
         let size = format!("{:.2}", factor.abs());
-        let times = if size == "1.00" { String::new() } else { format!("{} × ", size.trim_end_matches('0')) };
+        let times = if size == "1.00" {
+            String::new()
+        } else {
+            format!("{} × ", size.trim_end_matches('0'))
+        };
         text.extend([sign, &times, name]);
     }
     text
@@ -108,11 +112,11 @@ fn states(found: &Observability) -> Table {
         Column::number("× without"),
     ]);
     for state in &found.states {
-        let (by, factor) = match (state.identified_by(), state.identified_by_kind()) {
-            (Some((segment, factor)), _) => (format!("segment {}", segment + 1), Cell::Ratio(factor)),
-            (None, Some((kind, factor))) => (found.kinds[kind].to_owned(), Cell::Ratio(factor)),
-            (None, None) if state.is_identifiable() => ("several motions".to_owned(), Cell::Empty),
-            (None, None) => ("not identifiable".to_owned(), Cell::Empty),
+        let (by, factor) = match found.identified_by(state) {
+            Some((Cause::Segment(number), factor)) => (format!("segment {}", number + 1), Cell::Ratio(factor)),
+            Some((Cause::Kind(number), factor)) => (found.kinds[number].name.to_owned(), Cell::Ratio(factor)),
+            None if state.is_identifiable() => ("several motions".to_owned(), Cell::Empty),
+            None => ("not identifiable".to_owned(), Cell::Empty),
         };
         let cells = [
             Cell::text(&state.name),
@@ -136,15 +140,28 @@ fn segments(found: &Observability) -> Table {
         Column::text("motion"),
         Column::text("identifies"),
     ]);
-    for (number, segment) in found.segments.iter().enumerate() {
-        let is_by_it = |state: &&State| state.identified_by().is_some_and(|(by, _)| by == number);
+    let identifies = |cause: Cause| {
+        let is_by_it = |state: &&State| found.identified_by(state).is_some_and(|(by, _)| by == cause);
         let names: Vec<&str> = found.states.iter().filter(is_by_it).map(|state| &*state.name).collect();
+        Cell::text(names.join(", "))
+    };
+    for (number, segment) in found.segments.iter().enumerate() {
         t.row([
             Cell::from(number + 1),
             Cell::Seconds(segment.from),
             Cell::Seconds(segment.to),
             Cell::text(&segment.motion),
-            Cell::text(names.join(", ")),
+            identifies(Cause::Segment(number)),
+        ]);
+    }
+    for (number, kind) in found.kinds.iter().enumerate() {
+        let seconds = short(kind.seconds.round());
+        t.row([
+            Cell::Empty,
+            Cell::Empty,
+            Cell::Empty,
+            Cell::text(format!("{}, {seconds} s in all", kind.name)),
+            identifies(Cause::Kind(number)),
         ]);
     }
     t
@@ -170,7 +187,10 @@ fn sensors(found: &Observability) -> Table {
 }
 
 fn without_sensors(found: &Observability) -> Table {
-    let names = found.without.iter().map(|w| Column::number(format!("without {}", w.sensors.join(", "))));
+    let names = found
+        .without
+        .iter()
+        .map(|w| Column::number(format!("without {}", w.sensors.join(", "))));
     let mut t = Table::new([Column::text("state"), Column::number("all sensors")].into_iter().chain(names));
     if found.without.is_empty() {
         return t;

@@ -147,3 +147,74 @@ fn symmetric(m: DMatrix<f64>) -> DMatrix<f64> {
     let transposed = m.transpose();
     (m + transposed) * 0.5
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A position that drifts by its velocity, which walks; the second and the fourth step are measured.
+    fn steps() -> Vec<Element> {
+        let (h, r) = (DMatrix::from_row_slice(1, 2, &[1.0, 0.0]), DMatrix::from_element(1, 1, 0.25));
+        let step = |k: usize| {
+            let mut step = Element::empty(2);
+            step.carry(&[(0, 1, 0.5)]);
+            step.disturb([(0, 0, 0.01), (1, 1, 0.04), (0, 1, 0.01), (1, 0, 0.01)]);
+            if k % 2 == 1 {
+                step.measure(&h, &r);
+            }
+            step
+        };
+        (0..4).map(step).collect()
+    }
+
+    /// The covariance of the states 0 … 4 with the prior I, from the information of all of them at once.
+    fn dense() -> DMatrix<f64> {
+        let phi = DMatrix::from_row_slice(2, 2, &[1.0, 0.5, 0.0, 1.0]);
+        let q = DMatrix::from_row_slice(2, 2, &[0.01, 0.01, 0.01, 0.04]).try_inverse().unwrap();
+        let mut all = DMatrix::zeros(10, 10);
+        all.view_mut((0, 0), (2, 2)).fill_with_identity();
+        for k in 0..4 {
+            // x₁ − Φ x₀ has the covariance Q.
+            let mut jump = DMatrix::zeros(2, 10);
+            jump.view_mut((0, 2 * k), (2, 2)).copy_from(&-&phi);
+            jump.view_mut((0, 2 * k + 2), (2, 2)).fill_with_identity();
+            all += jump.transpose() * &q * jump;
+            if k % 2 == 1 {
+                all[(2 * k + 2, 2 * k + 2)] += 4.0;
+            }
+        }
+        all.try_inverse().unwrap()
+    }
+
+    #[test]
+    fn parts_joined_in_any_way_smooth_as_one_dense_problem_does() {
+        let (steps, dense) = (steps(), dense());
+        let joined = [
+            steps[0].then(&steps[1]).then(&steps[2].then(&steps[3])),
+            steps[0].then(&steps[1].then(&steps[2]).then(&steps[3])),
+        ];
+        for whole in joined {
+            let first = conditioned(&DMatrix::identity(2, 2), &whole.information);
+            // 1e-13: rounding of a dozen products of numbers near one.
+            assert!((first - dense.view((0, 0), (2, 2))).amax() < 1e-13);
+            let last = whole.forward(&DMatrix::identity(2, 2));
+            assert!((last - dense.view((8, 8), (2, 2))).amax() < 1e-13);
+        }
+        let (before, after) = (steps[0].then(&steps[1]), steps[2].then(&steps[3]));
+        let middle = conditioned(&before.forward(&DMatrix::identity(2, 2)), &after.backward(&DMatrix::zeros(2, 2)));
+        assert!((middle - dense.view((4, 4), (2, 2))).amax() < 1e-13);
+    }
+
+    #[test]
+    fn without_noise_the_information_is_the_gramian() {
+        let mut part = Element::empty(2);
+        let (h, r) = (DMatrix::from_row_slice(1, 2, &[1.0, 0.0]), DMatrix::from_element(1, 1, 4.0));
+        part.measure(&h, &r);
+        part.carry(&[(0, 1, 3.0)]);
+        part.measure(&h, &r);
+        // ¼ ([1 0]ᵀ[1 0] + [1 3]ᵀ[1 3]): powers of two, exact.
+        assert_eq!(part.information.as_slice(), [0.5, 0.75, 0.75, 2.25]);
+        assert_eq!(part.transition.as_slice(), [1.0, 0.0, 3.0, 1.0]);
+        assert_eq!(part.noise.amax(), 0.0);
+    }
+}

@@ -1,7 +1,7 @@
-//! What a motion lets a design estimate, and which part of the motion.
+//! Which states a motion determines, and which part of the motion does so.
 //!
 //! ```text
-//! run ─ steps (Φ, Q, H, R) ─▶ parts of a second ─▶ at most 16 segments ─▶ σ left of each state; what a segment adds
+//! run ─ steps (Φ, Q, H, R) ─▶ parts of a second ─▶ at most 16 segments ─▶ σ left of each state; effect of a segment
 //!                          └▶ stacked matrix ───────────────────────────▶ exact rank
 //! ```
 //!
@@ -17,25 +17,27 @@
 //! and only parameters continue. Leaving out its measurements alone would credit the segment after a turn, whose
 //! measurements show what the turn has separated.
 //!
-//! Not here   states without an initial σ; what filters inside stages estimate; errors of the models
+//! Not here   states without an initial σ; filters inside stages; errors of the models
 
 mod element;
 mod motion;
 mod recorder;
 mod result;
+mod sensors;
 mod stacked;
 
 pub use element::{Change, Element};
-pub use result::{DECISIVE, Direction, Observability, Segment, SensorUse, State, Without};
+pub use result::{Cause, DECISIVE, Direction, MotionKind, Observability, Segment, SensorUse, State, Without};
 pub use stacked::Stacked;
 
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::design::Design;
 use fusion::run::{Options, Progress, Run};
 use recorder::Recorder;
+use sensors::{Sensor, numbers};
 
 /// The observability of `design` along its data, or its simulated world. For each list of sensors in `without`, also
-/// what remains without them: their updates are left out of the information, and the run is the same.
+/// the σ without them: their updates are left out of the information, and the run is the same.
 ///
 /// # Errors
 /// Mistakes of the design or its data; a sensor that does not exist; a filter that never started, or that has no
@@ -47,37 +49,21 @@ pub fn observability(
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Observability, Diagnostics> {
     let run = Run::open(design, options)?;
-    let infos: Vec<(String, usize, bool)> = run
-        .assembly()
-        .sensors
-        .iter()
-        .map(|info| (info.name.clone(), info.design, info.channels.is_empty()))
-        .collect();
-    let mut left_out = Vec::new();
-    for list in without {
-        let mut numbers = Vec::new();
-        for name in list {
-            // A sensor of parts, such as the beams of a DVL, is left out by its name or part by part.
-            let is_it = |(_, (own, sensor, _)): &(usize, &(String, usize, bool))| own == name || design.sensors[*sensor].name == *name;
-            let before = numbers.len();
-            numbers.extend(infos.iter().enumerate().filter(is_it).map(|(number, _)| number));
-            if numbers.len() == before {
-                let names: Vec<&str> = infos.iter().map(|(name, ..)| &**name).collect();
-                let unknown = Diagnostic::error(format!("no sensor of the filter is called `{name}`"));
-                return Err(unknown.suggest(name, &names, "there are").into());
-            }
-        }
-        left_out.push(numbers);
-    }
-    let mut recorder = Recorder::new(infos.len(), left_out);
+    let sensors: Vec<Sensor> = run.assembly().sensors.iter().map(|info| Sensor::of(info, design)).collect();
+    let left_out = without.iter().map(|names| numbers(&sensors, names));
+    let left_out = left_out.collect::<Result<_, Diagnostic>>()?;
+    let mut recorder = Recorder::new(sensors.len(), left_out);
     run.go(&mut [&mut recorder], progress)?;
     recorder.finish().map_err(|why| Diagnostic::error(why.to_string()))?;
-    let name = |sensor: usize| (infos[sensor].0.clone(), infos[sensor].2);
-    let found = Observability::of(&mut recorder, &name, without);
-    let found = found.ok_or_else(|| Diagnostic::error("the filter never started: there is no motion to judge").help("`fusion run` says what it waits for"))?;
+    let found = Observability::of(&mut recorder, &sensors, without);
+    let found = found.ok_or_else(|| {
+        Diagnostic::error("the filter never started: there is no motion to judge").help("`fusion run` says what it waits for")
+    })?;
     if found.singular_values.iter().all(|s| *s == 0.0) {
         let none = Diagnostic::error("no measurement was linearised: there is no information to judge");
-        return Err(none.help("a backend without a covariance has no Jacobians; `fusion run` shows which rows were used").into());
+        return Err(none
+            .help("a backend without a covariance has no Jacobians; `fusion run` shows which rows were used")
+            .into());
     }
     Ok(found)
 }

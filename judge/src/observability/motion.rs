@@ -43,7 +43,7 @@ pub(super) struct Motion {
     sigma: f64,
 }
 
-/// What a motion is called. It decides words only, and which neighbours become one segment.
+/// The name of a motion. It decides words only, and which neighbours become one segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
     Gap,
@@ -75,7 +75,7 @@ const CHANGE: f64 = 0.2;
 /// A climb has at least this slope: steeper than roads.
 const SLOPE: f64 = 0.12;
 
-/// A speed below this number of σ may be zero: of a normal error, 0.3 % are larger.
+/// A speed below this number of σ may be zero: 0.3 % of normal errors are larger.
 const SIGMAS: f64 = 3.0;
 
 impl Motion {
@@ -125,13 +125,21 @@ impl Motion {
             Kind::Rotation
         } else if !self.is_moving() {
             Kind::Rest
-        } else if (after - before).abs() > (CHANGE * before.max(after)).max(SIGMAS * self.sigma / self.duration()) {
+        } else if self.is_ramp() {
             if after > before { Kind::Faster } else { Kind::Slower }
         } else if self.climb.abs() > SLOPE * self.way {
             if self.climb > 0.0 { Kind::Climb } else { Kind::Descent }
         } else {
             Kind::Straight
         }
+    }
+
+    /// Whether the speed changes, and its mean is between those at both ends.
+    fn is_ramp(&self) -> bool {
+        let (before, after) = self.speeds;
+        let mean = self.way / self.duration();
+        let least = (CHANGE * before.max(after)).max(SIGMAS * self.sigma / self.duration());
+        (after - before).abs() > least && (mean - before) * (after - mean) > 0.0
     }
 
     fn is_moving(&self) -> bool {
@@ -176,7 +184,11 @@ impl Motion {
         let duration = self.duration();
         let (speed, turn) = (self.way / duration, self.turn / duration);
         let forward = (self.speeds.1 - self.speeds.0) / duration;
-        [[speed, self.climb / duration], [forward, speed * turn], [turn, self.rotation / duration]]
+        [
+            [speed, self.climb / duration],
+            [forward, speed * turn],
+            [turn, self.rotation / duration],
+        ]
     }
 }
 
@@ -190,7 +202,8 @@ pub(super) struct Follower {
 #[derive(Debug)]
 struct Last {
     time: Time,
-    heading: Option<f64>,
+    /// Heading or course, and its variance.
+    heading: Option<(f64, f64)>,
     attitude: Option<UnitQuaternion<f64>>,
 }
 
@@ -215,8 +228,11 @@ impl Follower {
         let velocity = solution.velocity.as_ref();
         let (speed, sigma) = velocity.map_or((0.0, 0.0), |(v, p)| (v.norm(), math::sqrt(p.trace())));
         let attitude = solution.attitude.map(|(q, _)| q);
-        let course = velocity.filter(|_| speed > SIGMAS * sigma).map(|(v, _)| math::atan2(v.y, v.x));
-        let heading = attitude.map(|q| so3::to_rpy(&q).z).or(course);
+        let course = velocity.filter(|_| speed > SIGMAS * sigma).map(|(v, _)| {
+            let across = sigma / speed;
+            (math::atan2(v.y, v.x), across * across)
+        });
+        let heading = solution.rpy().map(|(rpy, sigma)| (rpy.z, sigma.z * sigma.z)).or(course);
         block.to = time.seconds();
         block.has_velocity = velocity.is_some();
         block.has_heading = heading.is_some();
@@ -230,10 +246,14 @@ impl Follower {
             block.sigma += sigma * dt;
             block.climb -= velocity.map_or(0.0, |(v, _)| v.z) * dt;
             if let (Some(now), Some(before)) = (heading, last.heading) {
-                block.turn += wrapped(now - before);
-            }
-            if let (Some(now), Some(before)) = (attitude, last.attitude) {
-                block.rotation += so3::log(&(before.inverse() * now)).norm();
+                let turn = wrapped(now.0 - before.0);
+                // A correction has the variance that it takes away: the estimate turns, and the vehicle does not.
+                let is_correction = turn * turn <= SIGMAS * SIGMAS * (before.1 - now.1);
+                if !is_correction {
+                    block.turn += turn;
+                    let rotation = attitude.zip(last.attitude).map(|(now, before)| so3::log(&(before.inverse() * now)));
+                    block.rotation += rotation.map_or(0.0, |rotation| rotation.norm());
+                }
             }
         }
         self.last = Some(Last { time, heading, attitude });
@@ -299,4 +319,75 @@ pub(super) fn same_name(blocks: &[Motion]) -> Option<usize> {
     let pairs = blocks.windows(2);
     let mut kinds = pairs.map(|pair| (pair[0].kind(), pair[1].kind()));
     kinds.position(|(one, other)| one == other && one != Kind::Gap && one != Kind::Unknown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix3, Vector3};
+
+    /// The names of the parts of a drive by speed and rate of turn, each for some seconds, at 10 Hz.
+    fn names(drive: &[(f64, f64, f64)]) -> Vec<String> {
+        let (mut follower, mut blocks) = (Follower::default(), Vec::new());
+        follower.start(Time::from_seconds(0.0));
+        let (mut heading, mut step, mut speed) = (0.0, 0, 0.0);
+        for (seconds, end, rate) in drive {
+            let steps = (seconds * 10.0) as i32;
+            let gain = (end - speed) / f64::from(steps);
+            for _ in 0..steps {
+                step += 1;
+                speed += gain;
+                heading += rate.to_radians() * 0.1;
+                let time = Time::from_seconds(0.1 * f64::from(step));
+                let solution = Solution {
+                    time,
+                    velocity: Some((
+                        Vector3::new(speed * heading.cos(), speed * heading.sin(), 0.0),
+                        Matrix3::identity() * 1e-4,
+                    )),
+                    attitude: Some((UnitQuaternion::from_euler_angles(0.0, 0.0, heading), Matrix3::identity() * 1e-6)),
+                    ..Solution::default()
+                };
+                blocks.extend(follower.take(time, &solution));
+            }
+        }
+        while blocks.len() > 8 {
+            let pair = most_alike(&blocks).unwrap();
+            let next = blocks.remove(pair + 1);
+            blocks[pair] = blocks[pair].then(&next);
+        }
+        while let Some(pair) = same_name(&blocks) {
+            let next = blocks.remove(pair + 1);
+            blocks[pair] = blocks[pair].then(&next);
+        }
+        blocks.iter().map(Motion::words).collect()
+    }
+
+    #[test]
+    fn parts_of_a_drive_are_named_by_their_motion() {
+        let drive = [
+            (20.0, 0.0, 0.0),
+            (10.0, 8.0, 0.0),
+            (10.0, 8.0, 9.0),
+            (40.0, 8.0, 0.0),
+            (10.0, 8.0, -6.0),
+        ];
+        let told = names(&drive);
+        assert_eq!(
+            told,
+            [
+                "at rest",
+                "speeds up from 0 to 8 m/s",
+                "turns right by 90 deg",
+                "straight, 8 m/s",
+                "turns left by 60 deg"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_turn_across_south_is_as_long_as_it_is() {
+        let told = names(&[(5.0, 5.0, 35.0), (20.0, 5.0, 10.0)]);
+        assert_eq!(told, ["turns right by 375 deg"]);
+    }
 }

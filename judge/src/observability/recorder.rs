@@ -38,7 +38,9 @@ pub(super) struct Recorder {
     layout: Option<Arc<Layout>>,
     /// The first track has all sensors.
     pub(super) tracks: Vec<Track>,
-    pub(super) stacked: Option<Stacked>,
+    /// The stacked matrix since the latest start, and the best one before it.
+    stacked: Option<Stacked>,
+    pub(super) best: Option<Stacked>,
     follower: Follower,
     pub(super) motions: Vec<Motion>,
     pub(super) counts: Vec<Count>,
@@ -64,6 +66,7 @@ impl Recorder {
             layout: None,
             tracks: [Vec::new()].into_iter().chain(without).map(track).collect(),
             stacked: None,
+            best: None,
             follower: Follower::default(),
             motions: Vec::new(),
             counts: vec![Count::default(); sensors],
@@ -98,10 +101,9 @@ impl Recorder {
             for block in layout.blocks().iter().filter(|block| is_heading(block)) {
                 let own = &mut self.sigma[block.tangent_range()];
                 let largest = own.iter().copied().fold(0.0, f64::max);
-                // The rotation leaves rounding errors, of ε in variance, where there is no variance.
+                // An axis without variance gets a rounding error by the rotation: ε of the variance of the others.
                 own.iter_mut().filter(|s| **s < 1e-7 * largest).for_each(|s| *s = 0.0);
             }
-            self.stacked = Some(Stacked::empty(n));
         } else {
             self.cut()?;
             let from = self.motions.last().map_or(belief.time.seconds(), |motion| motion.to);
@@ -109,17 +111,26 @@ impl Recorder {
             let forgotten = forgotten(layout, &self.sigma, gap.duration());
             self.tracks.iter_mut().for_each(|track| track.parts.push(forgotten.clone()));
             self.motions.push(gap);
-            let motion: Vec<Change> = kinematic(layout).map(|i| (i, i, -1.0)).collect();
-            if let Some(stacked) = &mut self.stacked {
-                stacked.carry(&motion);
-            }
         }
+        let (_, from) = self.coordinates(layout, &belief.x);
+        let unknown: Vec<usize> = (0..n).filter(|i| self.sigma[*i] > 0.0).collect();
+        self.end_stacked();
+        self.stacked = Some(Stacked::new(from.select_columns(&unknown)));
         self.layout = Some(layout.clone());
         self.first.clone_from(&belief.x);
         self.last = None;
         self.tracks.iter_mut().for_each(|track| track.current = Some(Element::empty(n)));
         self.follower.start(belief.time);
         Ok(())
+    }
+
+    /// The stacked matrix ends with the filter. That with the highest rank is kept.
+    fn end_stacked(&mut self) {
+        if let Some(stacked) = self.stacked.take()
+            && self.best.as_ref().is_none_or(|best| best.rank() < stacked.rank())
+        {
+            self.best = Some(stacked);
+        }
     }
 
     fn step(&mut self, step: &Step) {
@@ -225,6 +236,7 @@ impl Recorder {
     pub(super) fn finish(&mut self) -> Result<(), Halt> {
         self.cut()?;
         self.join_names();
+        self.end_stacked();
         Ok(())
     }
 
@@ -306,11 +318,6 @@ fn turn(layout: &Layout, x: &[f64]) -> DMatrix<f64> {
 /// Whether a block is the attitude of the vehicle.
 pub(super) fn is_heading(block: &Block) -> bool {
     block.kind == Kind::Attitude && block.role == StateRole::Kinematic
-}
-
-fn kinematic(layout: &Layout) -> impl Iterator<Item = usize> {
-    let motion = layout.blocks().iter().filter(|block| block.role == StateRole::Kinematic);
-    motion.flat_map(Block::tangent_range)
 }
 
 /// A time without any data, in the coordinates of the result: the motion starts again with its initial σ, and parameters

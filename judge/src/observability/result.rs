@@ -1,8 +1,9 @@
-//! What the data of a run say about each state, and which part of the log says it.
+//! The information of a run about each state, and the part of the log from which it comes.
 
 use super::element::{Element, conditioned};
 use super::motion::Motion;
 use super::recorder::{Recorder, Track, forgotten, is_heading};
+use super::sensors::Sensor;
 use fusion_core::math;
 use fusion_core::state::{Block, Kind, Layout, StateRole};
 use nalgebra::{DMatrix, DVector};
@@ -33,24 +34,15 @@ impl State {
     pub fn is_identifiable(&self) -> bool {
         self.left * self.left < HALF
     }
+}
 
-    /// The segment without which its σ is largest, with the factor, if that is at least [`DECISIVE`]. `None` if no segment
-    /// is so important, or if the state is not identifiable.
-    #[must_use]
-    pub fn identified_by(&self) -> Option<(usize, f64)> {
-        self.most(&self.raised)
-    }
-
-    /// The same for all motion of a kind together.
-    #[must_use]
-    pub fn identified_by_kind(&self) -> Option<(usize, f64)> {
-        self.most(&self.raised_by_kind)
-    }
-
-    fn most(&self, raised: &[f64]) -> Option<(usize, f64)> {
-        let most = raised.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;
-        (self.is_identifiable() && most.1 >= DECISIVE).then_some(most)
-    }
+/// The motion that identifies a state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// A segment, by its number in [`Observability::segments`].
+    Segment(usize),
+    /// All motion of a kind, by its number in [`Observability::kinds`].
+    Kind(usize),
 }
 
 /// A motion identifies a state if the σ doubles without it: it gives three quarters of the information. A state that is
@@ -59,6 +51,15 @@ pub const DECISIVE: f64 = 2.0;
 
 /// Information 1 leaves half of the initial variance: 1 / (1 + 1).
 const HALF: f64 = 0.5;
+
+/// All motion of one kind.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionKind {
+    /// Its name: `turns`, `rest`.
+    pub name: &'static str,
+    /// How long it lasts in all \[s\].
+    pub seconds: f64,
+}
 
 /// A part of the log with one motion.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,7 +104,7 @@ pub struct SensorUse {
     pub rejected: u64,
 }
 
-/// What remains without some sensors.
+/// The states without some sensors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Without {
     /// The sensors that are left out together.
@@ -121,31 +122,50 @@ pub struct Observability {
     pub states: Vec<State>,
     /// The parts of the log, without the times in which the filter did not run.
     pub segments: Vec<Segment>,
-    /// The kinds of motion in the log: `turns`, `rest`.
-    pub kinds: Vec<&'static str>,
+    /// The kinds of motion in the log.
+    pub kinds: Vec<MotionKind>,
     /// The directions of the state, the least known first, at the time at which most of them are known.
     pub directions: Vec<Direction>,
     /// The number of directions with information above 1.
     pub rank: usize,
     /// The rank of the stacked matrix in the arithmetic of the machine: every direction about which the measurements say
-    /// anything at all, if the process had no noise.
+    /// anything at all, if the process had no noise. If the filter starts again, between the starts with the highest
+    /// rank.
     pub exact_rank: usize,
     /// The singular values of the stacked matrix in units of the initial σ, the largest first.
     pub singular_values: Vec<f64>,
     /// The sensors.
     pub sensors: Vec<SensorUse>,
-    /// What remains without each list of sensors.
+    /// The states without each list of sensors.
     pub without: Vec<Without>,
 }
 
 impl Observability {
+    /// The motion that identifies a state, with the factor by which its σ grows without this motion. Among all segments
+    /// and all kinds of motion whose factor is at least [`DECISIVE`], it is that with the largest effect per second: a
+    /// turn rather than the straights that it joins. `None` if no motion is decisive, or if the state is not identifiable.
+    #[must_use]
+    pub fn identified_by(&self, state: &State) -> Option<(Cause, f64)> {
+        let segments = self.segments.iter().zip(&state.raised).enumerate();
+        let segments = segments.map(|(number, (segment, raised))| (Cause::Segment(number), *raised, segment.to - segment.from));
+        let kinds = self.kinds.iter().zip(&state.raised_by_kind).enumerate();
+        let kinds = kinds.map(|(number, (kind, raised))| (Cause::Kind(number), *raised, kind.seconds));
+        // Of equals the last one: a segment that is alone of its kind.
+        let decisive = kinds
+            .chain(segments)
+            .filter(|(_, raised, _)| *raised >= DECISIVE && state.is_identifiable());
+        let effect = |(_, raised, seconds): &(Cause, f64, f64)| math::ln(*raised) / seconds;
+        let most = decisive.max_by(|a, b| effect(a).total_cmp(&effect(b)))?;
+        Some((most.0, most.1))
+    }
+
     /// The states of a block.
     pub fn of_block<'a>(&'a self, block: &'a str) -> impl Iterator<Item = &'a State> {
         self.states.iter().filter(move |state| state.block == block)
     }
 
     /// The result of a recorder that has heard a run; `None` if the filter never started.
-    pub(super) fn of(recorder: &mut Recorder, names: &dyn Fn(usize) -> (String, bool), lists: &[Vec<String>]) -> Option<Self> {
+    pub(super) fn of(recorder: &mut Recorder, known_sensors: &[Sensor], lists: &[Vec<String>]) -> Option<Self> {
         let layout = recorder.layout()?;
         let sigma = recorder.sigma.clone();
         let axes: Vec<usize> = (0..layout.dim()).filter(|i| sigma[*i] > 0.0).collect();
@@ -154,28 +174,24 @@ impl Observability {
             sigma: &sigma,
             axes: &axes,
         };
-        let mut kinds: Vec<&str> = recorder.motions.iter().filter_map(Motion::group).collect();
-        kinds.sort_unstable();
-        kinds.dedup();
-        let of_kind = |kind: &&str| view.raised(recorder, &|motion| motion.group() == Some(*kind));
+        let kinds = kinds(&recorder.motions);
+        let left = view.left(&view.smoothed(&recorder.tracks.first()?.parts));
+        let of_kind = |kind: &MotionKind| view.raised(recorder, &left, &|motion| motion.group() == Some(kind.name));
         let by_kind: Vec<Vec<f64>> = kinds.iter().map(of_kind).collect::<Option<_>>()?;
         recorder.join_segments();
-        let segments: Vec<&Motion> = recorder.motions.iter().filter(|motion| !motion.is_gap).collect();
-        let left_out = |segment: &&Motion| view.raised(recorder, &|motion| motion == *segment);
-        let by_segment: Vec<Vec<f64>> = segments.iter().map(left_out).collect::<Option<_>>()?;
         let (all, others) = recorder.tracks.split_first()?;
         let smoothed = view.smoothed(&all.parts);
+        let left = view.left(&smoothed);
+        let segments: Vec<&Motion> = recorder.motions.iter().filter(|motion| !motion.is_gap).collect();
+        let left_out = |segment: &&Motion| view.raised(recorder, &left, &|motion| motion == *segment);
+        let by_segment: Vec<Vec<f64>> = segments.iter().map(left_out).collect::<Option<_>>()?;
         let directions = view.directions(&smoothed);
-        let stacked = recorder.stacked.as_ref()?;
-        let singular_values = stacked.singular_values(&recorder.sigma);
-        let sensors = recorder.counts.iter().enumerate().map(|(sensor, count)| {
-            let (name, is_constraint) = names(sensor);
-            SensorUse {
-                name,
-                is_constraint,
-                used: count.used,
-                rejected: count.rejected,
-            }
+        let stacked = recorder.best.as_ref()?;
+        let sensors = recorder.counts.iter().zip(known_sensors).map(|(count, sensor)| SensorUse {
+            name: sensor.name.clone(),
+            is_constraint: sensor.is_constraint,
+            used: count.used,
+            rejected: count.rejected,
         });
         let remains = |(track, sensors): (&Track, &Vec<String>)| {
             let smoothed = view.smoothed(&track.parts);
@@ -186,17 +202,31 @@ impl Observability {
             }
         };
         Some(Self {
-            states: view.states(&view.left(&smoothed), &by_segment, &by_kind),
+            states: view.states(&left, &by_segment, &by_kind),
             kinds,
             segments: segments.into_iter().map(Segment::of).collect(),
             rank: known(&directions),
             directions,
-            exact_rank: stacked.rank(&singular_values),
-            singular_values,
+            exact_rank: stacked.rank(),
+            singular_values: stacked.singular_values(),
             sensors: sensors.collect(),
             without: others.iter().zip(lists).map(remains).collect(),
         })
     }
+}
+
+/// The kinds of motion, in order of their first appearance.
+fn kinds(motions: &[Motion]) -> Vec<MotionKind> {
+    let mut kinds: Vec<MotionKind> = Vec::new();
+    for motion in motions {
+        let Some(name) = motion.group() else { continue };
+        let seconds = motion.duration();
+        match kinds.iter_mut().find(|kind| kind.name == name) {
+            Some(kind) => kind.seconds += seconds,
+            None => kinds.push(MotionKind { name, seconds }),
+        }
+    }
+    kinds
 }
 
 /// The number of directions with information above 1.
@@ -237,18 +267,17 @@ impl View<'_> {
         (0..self.axes.len()).map(|i| math::sqrt(smallest(i).max(0.0))).collect()
     }
 
-    /// The factor by which the smallest σ of each state grows without the parts of some motions.
-    fn raised(&self, recorder: &Recorder, is_left_out: &dyn Fn(&Motion) -> bool) -> Option<Vec<f64>> {
+    /// The factor by which the smallest σ of each state, `all` with all parts, grows without the parts of some motions.
+    fn raised(&self, recorder: &Recorder, all: &[f64], is_left_out: &dyn Fn(&Motion) -> bool) -> Option<Vec<f64>> {
         let mut parts = recorder.tracks.first()?.parts.clone();
-        let all = self.left(&self.smoothed(&parts));
         for (part, motion) in parts.iter_mut().zip(&recorder.motions).filter(|(_, motion)| is_left_out(motion)) {
             *part = forgotten(self.layout, self.sigma, motion.duration());
         }
         let without = self.left(&self.smoothed(&parts));
-        Some(without.iter().zip(&all).map(|(without, all)| without / all).collect())
+        Some(without.iter().zip(all).map(|(without, all)| without / all).collect())
     }
 
-    /// The directions at the border at which most are known; of several, at that with the smallest volume.
+    /// The directions at the border at which most are known. Among equals, the smallest volume decides.
     fn directions(&self, smoothed: &[DMatrix<f64>]) -> Vec<Direction> {
         let at = |p: &DMatrix<f64>| {
             let eigen = p.clone().symmetric_eigen();
