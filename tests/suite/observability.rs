@@ -63,7 +63,7 @@ const TURN: &str = r#"{ type = "turn", angle = "90 deg", radius = "15 m" }"#;
 
 fn design(sets: &[&str]) -> Design {
     let (mut document, mistakes) = Document::parse("fifteen.toml", FIFTEEN);
-    assert!(mistakes.is_empty(), "{mistakes}");
+    assert!(mistakes.is_empty(), "{mistakes:?}");
     sets.iter().for_each(|set| document.set(set).unwrap());
     Design::read(document).unwrap_or_else(|d| panic!("{d}"))
 }
@@ -217,7 +217,7 @@ fn a_second_start_is_no_segment_and_parameters_are_learnt_on_over_it() {
     let rest = trajectory(&[r#"{ type = "rest", duration = "160 s" }"#]);
     let gap = "simulation.imu.fault.gap={ type = \"outage\", window = { from = \"60 s\", duration = \"40 s\" } }";
     let again = found(&[&rest, gap, "process.input.longest_gap=\"5 s\""], &[]);
-    let spans: Vec<(f64, f64)> = again.segments.iter().map(|s| (s.from.round(), s.to)).collect();
+    let spans: Vec<(f64, f64)> = again.segments.iter().map(|s| (s.from.round(), s.to.round())).collect();
     assert_eq!(spans, [(0.0, 65.0), (100.0, 160.0)]);
     let once = found(&[], &[]);
     assert_eq!((again.exact_rank, once.exact_rank), (12, 12));

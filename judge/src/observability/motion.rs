@@ -311,7 +311,10 @@ pub(super) fn most_alike(blocks: &[Motion]) -> Option<usize> {
         one * other / (one + other) * groups.map(square).sum::<f64>()
     };
     let pairs = (0..blocks.len().saturating_sub(1)).filter(|i| !(blocks[*i].is_gap || blocks[i + 1].is_gap));
-    pairs.map(|i| (i, cost(i))).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+    // Among equals, the shortest: a filter without any motion gets parts of equal length.
+    let seconds = |i: usize| blocks[i].duration() + blocks[i + 1].duration();
+    let order = |a: &(usize, f64), b: &(usize, f64)| a.1.total_cmp(&b.1).then(seconds(a.0).total_cmp(&seconds(b.0)));
+    pairs.map(|i| (i, cost(i))).min_by(order).map(|(i, _)| i)
 }
 
 /// The number of a block that has the same name as the next.
