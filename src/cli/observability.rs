@@ -6,7 +6,7 @@ use clap::Args;
 use fusion::provenance::Provenance;
 use fusion::run::{Options, Smoothing};
 use fusion_judge::observability::{Cause, Direction, Observability, State, observability};
-use fusion_tables::{Cell, Column, Page, Section, Table, Unit, short};
+use fusion_tables::{Cell, Column, Page, Section, Table, Unit, fixed, short};
 
 #[derive(Debug, Args)]
 pub(super) struct ObservabilityArgs {
@@ -155,7 +155,7 @@ fn segments(found: &Observability) -> Table {
         ]);
     }
     for (number, kind) in found.kinds.iter().enumerate() {
-        let seconds = short(kind.seconds.round());
+        let seconds = fixed(kind.seconds, 0);
         t.row([
             Cell::Empty,
             Cell::Empty,

@@ -8,7 +8,7 @@ use fusion_core::geometry::so3;
 use fusion_core::math;
 use fusion_core::time::Time;
 use nalgebra::UnitQuaternion;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 /// The shortest block \[s\]: a manoeuvre of a vehicle is longer.
 const SHORTEST: f64 = 1.0;
@@ -148,19 +148,20 @@ impl Motion {
 
     /// The motion in words.
     pub(super) fn words(&self) -> String {
-        let speed = |v: f64| fusion_tables::short((v * 10.0).round() / 10.0);
-        let degrees = self.turn.to_degrees().abs().round();
+        let speed = |v: f64| fusion_tables::short(math::round(v * 10.0) / 10.0);
+        let whole = |v: f64| math::round(v.abs());
+        let degrees = whole(self.turn.to_degrees());
         match self.kind() {
             Kind::Gap => "the filter starts again".to_owned(),
             Kind::Unknown => String::new(),
             Kind::Rest => "at rest".to_owned(),
             Kind::Right => format!("turns right by {degrees} deg"),
             Kind::Left => format!("turns left by {degrees} deg"),
-            Kind::Winding => format!("turns both ways, by {} deg in all", self.turning.to_degrees().round()),
+            Kind::Winding => format!("turns both ways, by {} deg in all", whole(self.turning.to_degrees())),
             Kind::Faster => format!("speeds up from {} to {} m/s", speed(self.speeds.0), speed(self.speeds.1)),
             Kind::Slower => format!("slows down from {} to {} m/s", speed(self.speeds.0), speed(self.speeds.1)),
-            Kind::Climb => format!("climbs by {} m", self.climb.round()),
-            Kind::Descent => format!("descends by {} m", self.climb.abs().round()),
+            Kind::Climb => format!("climbs by {} m", whole(self.climb)),
+            Kind::Descent => format!("descends by {} m", whole(self.climb)),
             Kind::Rotation => "rotates on the spot".to_owned(),
             Kind::Straight => format!("straight, {} m/s", speed(self.way / self.duration())),
         }
@@ -246,7 +247,7 @@ impl Follower {
             block.sigma += sigma * dt;
             block.climb -= velocity.map_or(0.0, |(v, _)| v.z) * dt;
             if let (Some(now), Some(before)) = (heading, last.heading) {
-                let turn = wrapped(now.0 - before.0);
+                let turn = so3::wrap_angle(now.0 - before.0);
                 // A correction has the variance that it takes away: the estimate turns, and the vehicle does not.
                 let is_correction = turn * turn <= SIGMAS * SIGMAS * (before.1 - now.1);
                 if !is_correction {
@@ -277,11 +278,6 @@ impl Follower {
         };
         Some(core::mem::replace(block, next))
     }
-}
-
-/// To (−π, π].
-fn wrapped(angle: f64) -> f64 {
-    angle - TAU * (angle / TAU).round()
 }
 
 /// The number of the block whose motion is most alike that of the next; `None` if no two blocks can be joined.

@@ -324,7 +324,7 @@ fn name(block: &Block, k: usize) -> String {
     if is_heading(block) {
         return ["tilt about north", "tilt about east", "heading"][k].to_owned();
     }
-    let words = block.name.replace('_', " ").replace('.', " ");
+    let words = block.name.replace(['_', '.'], " ");
     let is_motion = block.role == StateRole::Kinematic && !block.is_in_body_axes();
     let axis = match block.kind {
         kind if kind.dim() == 1 => return words,
