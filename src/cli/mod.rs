@@ -99,7 +99,7 @@ Examples:
   fusion check drive.toml --data ~/logs/drive-3 --fix drive2.toml    a copy with the corrections
   fusion check drive.toml --variant ekf --resolved    every value with its file and line
   fusion check drive.toml --variant ekf --set sensor.wheel.enabled=false
-  fusion check drive.toml --observability             what the simulated motion lets the filter estimate
+  fusion check drive.toml --observability     what the simulated motion determines
   fusion check drive.toml --data ~/logs/drive-3 --observability --without gnss_velocity")]
     Check(check::CheckArgs),
     /// List the blocks that designs are made of, or describe one.
