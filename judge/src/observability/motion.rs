@@ -386,7 +386,7 @@ mod tests {
 
     #[test]
     fn a_turn_across_south_is_as_long_as_it_is() {
-        let told = names(&[(5.0, 5.0, 35.0), (20.0, 5.0, 10.0)]);
-        assert_eq!(told, ["turns right by 375 deg"]);
+        let told = names(&[(10.0, 0.0, 0.0), (20.0, 5.0, 10.0)]);
+        assert_eq!(told, ["at rest", "turns right by 200 deg"]);
     }
 }
