@@ -195,14 +195,14 @@ mod tests {
         ];
         for whole in joined {
             let first = conditioned(&DMatrix::identity(2, 2), &whole.information);
-            // 1e-13: rounding of a dozen products of numbers near one.
-            assert!((first - dense.view((0, 0), (2, 2))).amax() < 1e-13);
+            // The dense inverse has a condition of 1e4, and loses as many ε.
+            assert!((first - dense.view((0, 0), (2, 2))).amax() < 1e-11);
             let last = whole.forward(&DMatrix::identity(2, 2));
-            assert!((last - dense.view((8, 8), (2, 2))).amax() < 1e-13);
+            assert!((last - dense.view((8, 8), (2, 2))).amax() < 1e-11);
         }
         let (before, after) = (steps[0].then(&steps[1]), steps[2].then(&steps[3]));
         let middle = conditioned(&before.forward(&DMatrix::identity(2, 2)), &after.backward(&DMatrix::zeros(2, 2)));
-        assert!((middle - dense.view((4, 4), (2, 2))).amax() < 1e-13);
+        assert!((middle - dense.view((4, 4), (2, 2))).amax() < 1e-11);
     }
 
     #[test]
