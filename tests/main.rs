@@ -88,6 +88,9 @@ mod navigators;
 /// Designs to begin with: the designs that `fusion new` writes run at once.
 #[path = "suite/new.rs"]
 mod new;
+/// Observability along a motion: published ranks, and the motion that identifies a state.
+#[path = "suite/observability.rs"]
+mod observability;
 /// Closed forms of inertial navigation: drift, coning, clean data, the wrap of the heading.
 #[path = "suite/oracles.rs"]
 mod oracles;

@@ -1,5 +1,5 @@
-//! Judging a design: campaigns of many seeds, stress by declared and drawn faults, the likelihood of its innovations, and
-//! tuning of its noises by it.
+//! Judging a design: campaigns of many seeds, stress by declared and drawn faults, the likelihood of its innovations,
+//! tuning of its noises by it, and the states that its motion determines.
 //!
 //! A program that links this crate checks the table `[stress]` of a design when the design is read, and finds the
 //! likelihood among the sections of a result.
@@ -8,5 +8,6 @@
 
 pub mod campaign;
 pub mod likelihood;
+pub mod observability;
 pub mod stress;
 pub mod tune;

@@ -1,6 +1,7 @@
 //! `fusion check`: the resolved form of a design.
 
 use super::fix::AdviceArgs;
+use super::observability::{ObservabilityArgs, show};
 use super::progress::Trials;
 use super::{DesignArgs, Failure, OutputArgs, builtin, print, report};
 use clap::Args;
@@ -30,9 +31,14 @@ pub(super) struct CheckArgs {
     /// its file and line.
     #[arg(long)]
     resolved: bool,
+    #[command(flatten)]
+    observability: ObservabilityArgs,
 }
 
 pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
+    if args.observability.observability {
+        return show(&args.observability, &args.design, &args.output);
+    }
     args.advice.fix.check(&args.design)?;
     let ignored = args.advice.ignored()?;
     let file = args.design.load()?;

@@ -14,6 +14,7 @@ mod inspect;
 mod merge;
 mod montecarlo;
 mod new;
+mod observability;
 mod progress;
 mod record;
 mod run;
@@ -97,7 +98,9 @@ Examples:
   fusion check drive.toml --data ~/logs/drive-3
   fusion check drive.toml --data ~/logs/drive-3 --fix drive2.toml    a copy with the corrections
   fusion check drive.toml --variant ekf --resolved    every value with its file and line
-  fusion check drive.toml --variant ekf --set sensor.wheel.enabled=false")]
+  fusion check drive.toml --variant ekf --set sensor.wheel.enabled=false
+  fusion check drive.toml --observability     what the simulated motion determines
+  fusion check drive.toml --data ~/logs/drive-3 --observability --without gnss_velocity")]
     Check(check::CheckArgs),
     /// List the blocks that designs are made of, or describe one.
     #[command(after_long_help = "\

@@ -63,6 +63,7 @@ chapters! {
     files: "files.md",
     rules: "rules.md",
     which_q_and_r: "tuning.md",
+    observability: "observability.md",
 }
 
 fn source(file: &str) -> PathBuf {

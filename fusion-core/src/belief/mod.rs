@@ -3,7 +3,8 @@
 mod past;
 mod written;
 
-pub(crate) use past::{Past, own_dynamics};
+pub(crate) use past::Past;
+pub use past::own_dynamics;
 
 use crate::covariance::{Covariance, Form};
 use crate::memory::{Memory, Tape};

@@ -154,7 +154,8 @@ impl Past {
 
 /// Over `elapsed` seconds, of axis `k` of a block that the process does not move: the factor by which
 /// it decays, and the variance that is added.
-pub(crate) fn own_dynamics(block: &Block, k: usize, elapsed: f64) -> (f64, f64) {
+#[must_use]
+pub fn own_dynamics(block: &Block, k: usize, elapsed: f64) -> (f64, f64) {
     match &block.dynamics {
         Dynamics::Process | Dynamics::Constant => (1.0, 0.0),
         Dynamics::RandomWalk { psd } => (1.0, psd[k] * elapsed),
