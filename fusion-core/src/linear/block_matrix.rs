@@ -322,7 +322,7 @@ impl BlockMatrix {
     }
 
     /// The elements that differ from the identity: row, column, difference.
-    pub(crate) fn changes(&self) -> impl Iterator<Item = (u16, u16, f64)> {
+    pub fn changes(&self) -> impl Iterator<Item = (u16, u16, f64)> {
         let rows = self.active.iter().zip(self.elements());
         rows.flat_map(move |(&i, elements)| {
             elements.iter().filter_map(move |element| {
