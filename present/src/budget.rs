@@ -56,9 +56,8 @@ impl Shown<'_, Budget> {
             let of = |split: &Split| [Cell::Real(split.sigma()), Cell::Real(split.halved(source))];
             self.row(&mut t, (state, source), of(&state.end).into_iter().chain(of(&state.rms)));
         }
-        Section::new("What helps most", [t]).note(
-            "One source half as large, all others and all gains as they are. A filter whose noise is then declared anew gains more.",
-        )
+        Section::new("Best improvement", [t])
+            .note("One source half as large, all others and all gains as they are. A filter whose noise is then declared anew gains more.")
     }
 
     /// The shares at the times that were asked for.

@@ -41,7 +41,8 @@ pub(super) fn budget(args: &BudgetArgs) -> Result<(), Failure> {
         files.write("budget.toml", |file| file.write_all(found.toml().as_bytes()))?;
         files.write("budget.svg", |file| file.write_all(svg(&found).as_bytes()))?;
         files.commit()?;
-        page.sections.push(written(["budget.toml", "budget.svg"].map(|name| out.join(name))));
+        page.sections
+            .push(written(["budget.toml", "budget.svg"].map(|name| out.join(name))));
     }
     args.output.print(&page)
 }

@@ -10,8 +10,16 @@ fn a_budget_has_tables_a_file_and_a_picture() {
     let design = format!("{ROOT}/configs/ins-gps.toml");
     let shown = w.fusion(&["budget", &design, "--out", "out", "--format", "json"]).success();
     let page: serde_json::Value = serde_json::from_str(&stdout(&shown)).unwrap();
-    let titles: Vec<&str> = page["sections"].as_array().unwrap().iter().map(|s| s["title"].as_str().unwrap()).collect();
-    assert_eq!(titles, ["Errors, 1σ", "What helps most", "Shares of the variance", "Limits", "Written"]);
+    let titles: Vec<&str> = page["sections"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|s| s["title"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        titles,
+        ["Errors, 1σ", "Best improvement", "Shares of the variance", "Limits", "Written"]
+    );
     let found: toml::Table = w.read("out/budget.toml").parse().unwrap();
     let sources = found["sources"].as_array().unwrap().len();
     let states = found["state"].as_array().unwrap();

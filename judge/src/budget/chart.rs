@@ -1,6 +1,6 @@
 //! The shares over time as a drawing: an SVG file that needs nothing else.
 
-use super::{Budget, Split, StateBudget};
+use super::result::{Budget, Split, StateBudget};
 use core::fmt::Write;
 use fusion_core::math;
 use fusion_tables::{Unit, significant};
@@ -63,7 +63,11 @@ pub fn svg(budget: &Budget) -> String {
 /// The sources with the largest mean share, the largest first.
 fn largest(budget: &Budget) -> Vec<usize> {
     let mean = |source: usize| -> f64 {
-        let shares = budget.states.iter().map(|state| state.rms.share(source)).filter(|share| share.is_finite());
+        let shares = budget
+            .states
+            .iter()
+            .map(|state| state.rms.share(source))
+            .filter(|share| share.is_finite());
         shares.sum()
     };
     let mut all: Vec<usize> = (0..budget.sources.len()).collect();
@@ -101,7 +105,10 @@ fn panel(out: &mut String, budget: &Budget, (k, state): (usize, &StateBudget), n
         let sums = points.iter().zip(&below).map(|((_, states), below)| share(&states[k], *below));
         let above: Vec<f64> = sums.collect();
         let edge = |shares: &[f64]| -> Vec<String> {
-            let each = points.iter().zip(shares).map(|((time, _), share)| format!("{:.1},{:.1}", x(*time), y(*share)));
+            let each = points
+                .iter()
+                .zip(shares)
+                .map(|((time, _), share)| format!("{:.1},{:.1}", x(*time), y(*share)));
             each.collect()
         };
         let mut outline = edge(&above);

@@ -159,7 +159,11 @@ impl<'a> Follower<'a> {
                 truth[block.storage_range()].copy_from_slice(value);
             }
         }
-        let found = self.world.found.iter().flat_map(|(_, names)| layout.blocks().iter().filter(|b| names.contains(&b.name)));
+        let found = self
+            .world
+            .found
+            .iter()
+            .flat_map(|(_, names)| layout.blocks().iter().filter(|b| names.contains(&b.name)));
         for block in self.world.drawn.iter().chain(found) {
             truth[block.storage_range()].copy_from_slice(&belief.x[block.storage_range()]);
         }
@@ -287,7 +291,10 @@ impl<'a> Follower<'a> {
     /// The errors of the rows of the latest sensor act: e ← e + K v.
     fn rows_act(&mut self, time: Time, m: usize, gain: &[f64]) {
         let (n, place) = (self.layout.dim(), &self.world.sensors[self.sensor]);
-        let since = self.measured.insert(place.design, time).map_or(0.0, |last| time.seconds_since(last));
+        let since = self
+            .measured
+            .insert(place.design, time)
+            .map_or(0.0, |last| time.seconds_since(last));
         let own = self.rows.range((place.design, 0)..(place.design + 1, 0));
         for ((_, row), errors) in own {
             for number in errors {
@@ -347,8 +354,8 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// A stage has passed on a number of the input, or its mean over some time: its lasting errors are in the row. The noise
-    /// of the row is as declared.
+    /// A stage has passed on a number of the input, or its mean over some time: its lasting errors are in the row, and its
+    /// noise is the declared one.
     fn passed_on_acts(&mut self, input: &Input<'_>, gain: &[f64]) {
         let numbers = &self.world.sensors[self.sensor].passed_on;
         for (channel, k) in numbers.iter().zip(gain.chunks_exact(self.layout.dim())) {

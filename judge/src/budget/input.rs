@@ -1,8 +1,8 @@
 //! How the estimate depends on the numbers of an input sample: the map of an instrument's errors into the state.
 //!
-//! Central differences of the process and of the measurements themselves, so that every process is covered, also one of
-//! another crate. A step moves the state by [`SMALL`] of its unit, where curvature is 1e-7 of the derivative and rounding
-//! of a geodetic position 1e-6 of it.
+//! Central differences of the process and of the measurements themselves, so that every process is covered, including those
+//! of other crates. A number of the sample changes by [`SMALL`] over the length of the step. The curvature then adds 1e-7 to
+//! a derivative, relative, and the rounding of a geodetic position adds 1e-6.
 
 use fusion_core::model::{Input, Measurement, Process, SignalBuffer};
 use fusion_core::state::Layout;
@@ -48,7 +48,14 @@ impl ByInput {
     }
 
     /// ∂h/∂u of number `channel` at `x`, into `out`. Returns false where h has no value.
-    pub(super) fn of_measurement(&mut self, model: &dyn Measurement, x: &[f64], input: &Input<'_>, channel: usize, out: &mut [f64]) -> bool {
+    pub(super) fn of_measurement(
+        &mut self,
+        model: &dyn Measurement,
+        x: &[f64],
+        input: &Input<'_>,
+        channel: usize,
+        out: &mut [f64],
+    ) -> bool {
         let step = SMALL / INSTANT;
         for (end, sign) in self.ends.iter_mut().zip([1.0, -1.0]) {
             let sample = moved(&mut self.sample, input, channel, sign * step);

@@ -96,7 +96,9 @@ impl Split {
     #[must_use]
     pub fn largest(&self) -> Option<usize> {
         let all = self.variances.iter().enumerate();
-        all.max_by(|a, b| a.1.total_cmp(b.1)).filter(|(_, v)| **v > 0.0).map(|(source, _)| source)
+        all.max_by(|a, b| a.1.total_cmp(b.1))
+            .filter(|(_, v)| **v > 0.0)
+            .map(|(source, _)| source)
     }
 
     pub(super) fn add(&mut self, other: &Self) {
@@ -139,10 +141,10 @@ impl SensorRows {
     }
 }
 
-/// The variances of all axes over time, at so many times that they shape a picture.
+/// The variances of all axes over time, thinned for a picture.
 #[derive(Clone, Debug, Default)]
 pub struct Course {
-    /// Of so many times one is kept.
+    /// One time of this number is kept.
     every: usize,
     passed: usize,
     points: Vec<(f64, Vec<Split>)>,
@@ -187,7 +189,11 @@ impl Budget {
         let mut is_kept = kept.iter();
         self.sources.retain(|_| is_kept.next().copied().unwrap_or(true));
         for state in &mut self.states {
-            state.at.iter_mut().chain([&mut state.end, &mut state.rms]).for_each(|split| split.keep(&kept));
+            state
+                .at
+                .iter_mut()
+                .chain([&mut state.end, &mut state.rms])
+                .for_each(|split| split.keep(&kept));
         }
         let points = self.course.points.iter_mut().flat_map(|(_, states)| states);
         points.for_each(|split| split.keep(&kept));

@@ -17,14 +17,17 @@
 //! (I − K H) X (I − K H)ᵀ   = X − K U − Uᵀ Kᵀ,   U = H X − ½ (H X Hᵀ) Kᵀ
 //! ```
 //!
-//! so a step costs each source about as much as the filter itself.
+//! All sources have the same M: an element X_ij is kept as a row of numbers, one for each source, and one pass over the
+//! elements of M carries all of them.
 
 /// The covariances of all sources with the error of the estimate.
 #[derive(Clone, Debug)]
 pub(super) struct Spread {
     n: usize,
-    /// X of each source that has one, n×n, row by row.
-    blocks: Vec<Vec<f64>>,
+    /// Sources that have a covariance X.
+    blocks: usize,
+    /// Their X: rows, columns, sources.
+    x: Vec<f64>,
     /// C or R of each error: n rows.
     columns: Vec<f64>,
     /// T of each error.
@@ -40,7 +43,8 @@ impl Spread {
     pub(super) fn new(n: usize, blocks: usize, errors: &[(Option<usize>, f64)]) -> Self {
         Self {
             n,
-            blocks: vec![vec![0.0; n * n]; blocks],
+            blocks,
+            x: vec![0.0; n * n * blocks],
             columns: vec![0.0; n * errors.len()],
             variances: errors.iter().map(|(_, variance)| *variance).collect(),
             owners: errors.iter().map(|(owner, _)| *owner).collect(),
@@ -50,75 +54,92 @@ impl Spread {
 
     /// e ← (I + D) e, D given by its elements, row by row.
     pub(super) fn carry(&mut self, changes: &[(u16, u16, f64)]) {
-        let (n, width) = (self.n, self.variances.len());
+        let (n, s) = (self.n, self.blocks);
         let rows: Vec<&[(u16, u16, f64)]> = changes.chunk_by(|a, b| a.0 == b.0).collect();
-        let left = |x: &mut [f64], z: &mut [f64], width: usize| {
+        let left = |x: &mut [f64], z: &mut [f64]| {
+            let width = x.len() / n;
             z.fill(0.0);
-            for (z, row) in z.chunks_exact_mut(width).zip(&rows) {
+            for (z, row) in z.chunks_exact_mut(width.max(1)).zip(&rows) {
                 for &(_, j, by) in *row {
-                    axpy(by, &x[usize::from(j) * width..][..width], z);
+                    axpy(by, part(x, j.into(), width), z);
                 }
             }
-            for (z, row) in z.chunks_exact(width).zip(&rows) {
-                axpy(1.0, z, &mut x[usize::from(row[0].0) * width..][..width]);
+            for (z, row) in z.chunks_exact(width.max(1)).zip(&rows) {
+                axpy(1.0, z, part_mut(x, row[0].0.into(), width));
             }
         };
-        self.room.resize(rows.len() * n.max(width), 0.0);
-        if width > 0 {
-            left(&mut self.columns, &mut self.room[..rows.len() * width], width);
-        }
-        let z = &mut self.room[..rows.len() * n];
-        for x in &mut self.blocks {
-            left(x, z, n);
-            for (z, row) in z.chunks_exact(n).zip(&rows) {
-                let i = usize::from(row[0].0);
-                x[i..].iter_mut().step_by(n).zip(z).for_each(|(x, z)| *x += z);
-                for changed in &rows {
-                    let more: f64 = changed.iter().map(|&(_, j, by)| by * z[usize::from(j)]).sum();
-                    x[i * n + usize::from(changed[0].0)] += more;
-                }
+        self.room.resize(rows.len() * (n * s).max(self.variances.len()), 0.0);
+        left(&mut self.columns, &mut self.room[..rows.len() * self.variances.len()]);
+        let z = &mut self.room[..rows.len() * n * s];
+        left(&mut self.x, z);
+        for (z, row) in z.chunks_exact((n * s).max(1)).zip(&rows) {
+            let i = usize::from(row[0].0);
+            // Zᵀ, then Z Dᵀ.
+            (0..n).for_each(|a| axpy(1.0, part(z, a, s), part_mut(&mut self.x, a * n + i, s)));
+            for changed in &rows {
+                let to = part_mut(&mut self.x, i * n + usize::from(changed[0].0), s);
+                changed.iter().for_each(|&(_, j, by)| axpy(by, part(z, j.into(), s), to));
             }
+        }
+        // Zᵀ replaces X Dᵀ, which needs an X that is symmetric to the last bit.
+        for (k, row) in rows.iter().enumerate() {
+            rows[..k].iter().for_each(|other| self.mirror(row[0].0.into(), other[0].0.into()));
+        }
+    }
+
+    /// Makes the elements (i, j) and (j, i) equal, j < i.
+    fn mirror(&mut self, i: usize, j: usize) {
+        let (n, s) = (self.n, self.blocks);
+        let (upper, lower) = self.x.split_at_mut((i * n + j) * s);
+        for (a, b) in part_mut(upper, j * n + i, s).iter_mut().zip(&mut lower[..s]) {
+            let mean = 0.5 * (*a + *b);
+            (*a, *b) = (mean, mean);
         }
     }
 
     /// e ← (I − K H) e. H and Kᵀ have m rows of n numbers.
     pub(super) fn correct(&mut self, h: &[f64], kt: &[f64]) {
-        let (n, width, m) = (self.n, self.variances.len(), h.len() / self.n);
-        self.room.resize(m * n.max(width), 0.0);
-        let seen = |x: &[f64], out: &mut [f64], width: usize| {
+        let (n, s, m) = (self.n, self.blocks, h.len() / self.n);
+        let seen = |x: &[f64], out: &mut [f64]| {
+            let width = x.len() / n;
             out.fill(0.0);
-            for (h, out) in h.chunks_exact(n).zip(out.chunks_exact_mut(width)) {
-                for (by, row) in h.iter().zip(x.chunks_exact(width)).filter(|(by, _)| **by != 0.0) {
-                    axpy(*by, row, out);
-                }
+            for (h, out) in h.chunks_exact(n).zip(out.chunks_exact_mut(width.max(1))) {
+                let terms = h.iter().enumerate().filter(|(_, by)| **by != 0.0);
+                terms.for_each(|(i, by)| axpy(*by, part(x, i, width), out));
             }
         };
-        let take = |x: &mut [f64], u: &[f64], width: usize| {
-            for (k, u) in kt.chunks_exact(n).zip(u.chunks_exact(width)) {
-                k.iter().zip(x.chunks_exact_mut(width)).for_each(|(by, row)| axpy(-by, u, row));
+        let take = |x: &mut [f64], u: &[f64]| {
+            let width = x.len() / n;
+            for (k, u) in kt.chunks_exact(n).zip(u.chunks_exact(width.max(1))) {
+                k.iter().enumerate().for_each(|(i, by)| axpy(-by, u, part_mut(x, i, width)));
             }
         };
-        if width > 0 {
-            let room = &mut self.room[..m * width];
-            seen(&self.columns, room, width);
-            take(&mut self.columns, room, width);
-        }
-        let u = &mut self.room[..m * n];
-        for x in &mut self.blocks {
-            seen(x, u, n);
-            let half: Vec<f64> = u
-                .chunks_exact(n)
-                .flat_map(|hx| h.chunks_exact(n).map(|h| 0.5 * dot(hx, h)))
-                .collect();
-            for (u, half) in u.chunks_exact_mut(n).zip(half.chunks_exact(m)) {
-                half.iter().zip(kt.chunks_exact(n)).for_each(|(by, k)| axpy(-by, k, u));
-            }
-            take(x, u, n);
-            // − Uᵀ Kᵀ.
-            for (k, u) in kt.chunks_exact(n).zip(u.chunks_exact(n)) {
-                u.iter().zip(x.chunks_exact_mut(n)).for_each(|(by, row)| axpy(-by, k, row));
+        self.room.resize(m * (n * s).max(self.variances.len()), 0.0);
+        let room = &mut self.room[..m * self.variances.len()];
+        seen(&self.columns, room);
+        take(&mut self.columns, room);
+        let u = &mut self.room[..m * n * s];
+        seen(&self.x, u);
+        let mut half = vec![0.0; m * m * s];
+        for (q, h) in h.chunks_exact(n).enumerate() {
+            for r in 0..m {
+                let to = part_mut(&mut half, r * m + q, s);
+                (0..n).for_each(|a| axpy(0.5 * h[a], part(u, r * n + a, s), to));
             }
         }
+        for r in 0..m {
+            for (q, k) in kt.chunks_exact(n).enumerate() {
+                (0..n).for_each(|a| axpy(-k[a], part(&half, r * m + q, s), part_mut(u, r * n + a, s)));
+            }
+        }
+        take(&mut self.x, u);
+        // Uᵀ Kᵀ.
+        for (r, k) in kt.chunks_exact(n).enumerate() {
+            for i in 0..n {
+                (0..n).for_each(|j| axpy(-k[j], part(u, r * n + i, s), part_mut(&mut self.x, i * n + j, s)));
+            }
+        }
+        (0..n).for_each(|i| (0..i).for_each(|j| self.mirror(i, j)));
     }
 
     /// The error `error` acts on e: e ← e + l t.
@@ -132,10 +153,11 @@ impl Spread {
         };
         // (C + ½ l T) lᵀ and its transpose.
         let half: Vec<f64> = (0..n).map(|i| self.columns[column(i)] + 0.5 * l[i] * t).collect();
-        let x = &mut self.blocks[block];
         for (i, by) in touched() {
-            axpy(*by, &half, &mut x[i * n..(i + 1) * n]);
-            x[i..].iter_mut().step_by(n).zip(&half).for_each(|(x, c)| *x += by * c);
+            for (a, c) in half.iter().enumerate() {
+                self.x[(i * n + a) * self.blocks + block] += by * c;
+                self.x[(a * n + i) * self.blocks + block] += by * c;
+            }
         }
         touched().for_each(|(i, l)| self.columns[column(i)] += l * t);
     }
@@ -151,29 +173,23 @@ impl Spread {
 
     /// Adds white noise to e: an element of its covariance.
     pub(super) fn add(&mut self, block: usize, i: usize, j: usize, value: f64) {
-        self.blocks[block][i * self.n + j] += value;
+        self.x[(i * self.n + j) * self.blocks + block] += value;
     }
 
     /// The axes `axes` get a new value, without error.
     pub(super) fn forget(&mut self, axes: core::ops::Range<usize>) {
-        let width = self.variances.len();
+        let (n, s, width) = (self.n, self.blocks, self.variances.len());
         self.columns[axes.start * width..axes.end * width].fill(0.0);
-        for x in &mut self.blocks {
-            for (a, row) in x.chunks_exact_mut(self.n).enumerate() {
-                if axes.contains(&a) {
-                    row.fill(0.0);
-                }
-                row[axes.clone()].fill(0.0);
-            }
+        for (i, j) in axes.flat_map(|i| (0..n).map(move |j| (i, j))) {
+            part_mut(&mut self.x, i * n + j, s).fill(0.0);
+            part_mut(&mut self.x, j * n + i, s).fill(0.0);
         }
     }
 
     /// aᵀ X a of one X.
     pub(super) fn variance(&self, block: usize, a: &[(usize, f64)]) -> f64 {
-        let of = |(i, by): &(usize, f64)| {
-            let row = &self.blocks[block][i * self.n..];
-            by * a.iter().map(|(j, other)| row[*j] * other).sum::<f64>()
-        };
+        let x = |i: usize, j: usize| self.x[(i * self.n + j) * self.blocks + block];
+        let of = |(i, by): &(usize, f64)| by * a.iter().map(|(j, other)| x(*i, *j) * other).sum::<f64>();
         a.iter().map(of).sum()
     }
 
@@ -189,6 +205,11 @@ fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
     y.iter_mut().zip(x).for_each(|(y, x)| *y += a * x);
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+/// The row `row` of a matrix of this width.
+fn part(x: &[f64], row: usize, width: usize) -> &[f64] {
+    &x[row * width..(row + 1) * width]
+}
+
+fn part_mut(x: &mut [f64], row: usize, width: usize) -> &mut [f64] {
+    &mut x[row * width..(row + 1) * width]
 }

@@ -137,7 +137,8 @@ impl World {
     pub(super) fn of(design: &Design, assembly: &Assembly) -> Result<Self, Diagnostics> {
         let Some(simulation) = &design.simulation else {
             let message = "a budget needs a simulated world, which is its truth: this design reads a log";
-            let help = "declare `[simulation]` with a trajectory like that of the log; `fusion blocks` and book/src/simulation.md describe it";
+            let help =
+                "declare `[simulation]` with a trajectory like that of the log; `fusion blocks` and book/src/simulation.md describe it";
             return Err(Diagnostic::error(message).at(design.document.root().place()).help(help).into());
         };
         if design.filter.bank.is_some() {
@@ -213,12 +214,21 @@ impl World {
                 }
                 (_, Some(unit)) => {
                     let all = odometry_channels();
-                    let density = all.iter().zip(unit.noise()).find(|(c, _)| *c == read).map_or(0.0, |(_, density)| density);
+                    let density = all
+                        .iter()
+                        .zip(unit.noise())
+                        .find(|(c, _)| *c == read)
+                        .map_or(0.0, |(_, density)| density);
                     let name = format!("odometry noise, {}", read.name);
-                    self.errors(name, &[density], |_, density| (Ages::White(density), Acts::Input(number, Times::One), None));
+                    self.errors(name, &[density], |_, density| {
+                        (Ages::White(density), Acts::Input(number, Times::One), None)
+                    });
                 }
                 _ => {
-                    let message = format!("the process is driven by `{}`, whose errors no simulated instrument declares", read.name);
+                    let message = format!(
+                        "the process is driven by `{}`, whose errors no simulated instrument declares",
+                        read.name
+                    );
                     let help = "the budget covers processes that an inertial unit, odometry or time drives";
                     return Err(Diagnostic::error(message).at(design.process.node.name_place()).help(help).into());
                 }
@@ -248,7 +258,11 @@ impl World {
         self.errors(all("bias random walk"), &errors.walk, |i, s| (Ages::Walk(s), one(i), on(bias, i)));
         self.errors(all("noise"), &errors.noise, |i, s| (Ages::White(s), one(i), None));
         self.errors(all("scale factor"), &errors.scale, |i, s| {
-            (Ages::Constant(s * s), Acts::Input(first + i, Times::Number(first + i)), on(scale, i))
+            (
+                Ages::Constant(s * s),
+                Acts::Input(first + i, Times::Number(first + i)),
+                on(scale, i),
+            )
         });
         self.errors(all("scale noise"), &[errors.scale_noise; 3], |i, s| {
             (Ages::White(s), Acts::Input(first + i, Times::Length(first)), None)
@@ -279,7 +293,11 @@ impl World {
         }
         let is_noisy = |k: usize| coupled.iter().any(|(i, _)| at(*i) == Some(k));
         for first in (0..group.len()).filter(|k| group[*k] == *k) {
-            let blocks = layout.blocks().iter().enumerate().filter(|(k, _)| group[*k] == first && is_noisy(*k));
+            let blocks = layout
+                .blocks()
+                .iter()
+                .enumerate()
+                .filter(|(k, _)| group[*k] == first && is_noisy(*k));
             let blocks: Vec<&Block> = blocks.map(|(_, block)| block).collect();
             if blocks.is_empty() {
                 continue;
@@ -293,7 +311,10 @@ impl World {
         if let Some(rest) = self.process.iter().position(|block| block.is_none()) {
             let source = self.random("process noise, unlabelled");
             let block = self.sources[source].block;
-            self.process[rest..].iter_mut().filter(|own| own.is_none()).for_each(|own| *own = block);
+            self.process[rest..]
+                .iter_mut()
+                .filter(|own| own.is_none())
+                .for_each(|own| *own = block);
         }
     }
 
@@ -381,7 +402,8 @@ impl World {
             };
             let source = self.random(format!("{}, changes", block.name));
             let own = self.sources[source].block.unwrap_or(0);
-            self.moved.extend(moved.into_iter().map(|(axis, ages)| Moved { axis, block: own, ages }));
+            self.moved
+                .extend(moved.into_iter().map(|(axis, ages)| Moved { axis, block: own, ages }));
         }
         Ok(())
     }
@@ -406,7 +428,9 @@ impl World {
             let known = "the correlation of a start that is found from data with the errors of the instruments that found it";
             self.outside.push(known.to_owned());
         }
-        self.errors("start, declared values off the truth".to_owned(), &[1.0], |_, _| (Ages::Constant(1.0), Acts::Offset, None));
+        self.errors("start, declared values off the truth".to_owned(), &[1.0], |_, _| {
+            (Ages::Constant(1.0), Acts::Offset, None)
+        });
     }
 
     /// Names what the budget does not cover.
@@ -419,10 +443,12 @@ impl World {
             }));
         }
         if world.ships().next().is_some() {
-            self.outside.push("the motion of ships and platforms whose pose is a state".to_owned());
+            self.outside
+                .push("the motion of ships and platforms whose pose is a state".to_owned());
         }
         if world.sea.is_some() {
-            self.outside.push("changes of the current of the sea, where it is a state".to_owned());
+            self.outside
+                .push("changes of the current of the sea, where it is a state".to_owned());
         }
     }
 }
@@ -445,7 +471,11 @@ fn in_world(design: &Design, simulation: &Named<SimulationDesign>, assembly: &As
         InWorld {
             design: info.design,
             first,
-            passed_on: if is_simulated || passed_on.len() != m { Vec::new() } else { passed_on },
+            passed_on: if is_simulated || passed_on.len() != m {
+                Vec::new()
+            } else {
+                passed_on
+            },
         }
     };
     assembly.sensors.iter().map(place).collect()
