@@ -24,9 +24,10 @@
 #[derive(Clone, Debug)]
 pub(super) struct Spread {
     n: usize,
-    /// Sources that have a covariance X.
+    /// Sources that have a covariance X, and errors, both up to a multiple of [`LANES`].
     blocks: usize,
-    /// Their X: rows, columns, sources.
+    width: usize,
+    /// X: rows, columns, sources.
     x: Vec<f64>,
     /// C or R of each error: n rows.
     columns: Vec<f64>,
@@ -41,11 +42,13 @@ pub(super) struct Spread {
 impl Spread {
     /// Of no error yet: `n` axes, `blocks` covariances X, and for each error its X and its first variance.
     pub(super) fn new(n: usize, blocks: usize, errors: &[(Option<usize>, f64)]) -> Self {
+        let [blocks, width] = [blocks, errors.len()].map(|count| count.next_multiple_of(LANES));
         Self {
             n,
             blocks,
+            width,
             x: vec![0.0; n * n * blocks],
-            columns: vec![0.0; n * errors.len()],
+            columns: vec![0.0; n * width],
             variances: errors.iter().map(|(_, variance)| *variance).collect(),
             owners: errors.iter().map(|(owner, _)| *owner).collect(),
             room: Vec::new(),
@@ -68,33 +71,29 @@ impl Spread {
                 axpy(1.0, z, part_mut(x, row[0].0.into(), width));
             }
         };
-        self.room.resize(rows.len() * (n * s).max(self.variances.len()), 0.0);
-        left(&mut self.columns, &mut self.room[..rows.len() * self.variances.len()]);
+        self.room.resize(rows.len() * (n * s).max(self.width), 0.0);
+        left(&mut self.columns, &mut self.room[..rows.len() * self.width]);
         let z = &mut self.room[..rows.len() * n * s];
         left(&mut self.x, z);
         for (z, row) in z.chunks_exact((n * s).max(1)).zip(&rows) {
             let i = usize::from(row[0].0);
-            // Zᵀ, then Z Dᵀ.
+            // Zᵀ, then Z Dᵀ below the diagonal.
             (0..n).for_each(|a| axpy(1.0, part(z, a, s), part_mut(&mut self.x, a * n + i, s)));
-            for changed in &rows {
+            for changed in rows.iter().take_while(|changed| changed[0].0 <= row[0].0) {
                 let to = part_mut(&mut self.x, i * n + usize::from(changed[0].0), s);
                 changed.iter().for_each(|&(_, j, by)| axpy(by, part(z, j.into(), s), to));
             }
         }
-        // Zᵀ replaces X Dᵀ, which needs an X that is symmetric to the last bit.
         for (k, row) in rows.iter().enumerate() {
             rows[..k].iter().for_each(|other| self.mirror(row[0].0.into(), other[0].0.into()));
         }
     }
 
-    /// Makes the elements (i, j) and (j, i) equal, j < i.
+    /// Makes the element (j, i) that below the diagonal, (i, j): to the last bit, because Zᵀ replaces X Dᵀ.
     fn mirror(&mut self, i: usize, j: usize) {
         let (n, s) = (self.n, self.blocks);
         let (upper, lower) = self.x.split_at_mut((i * n + j) * s);
-        for (a, b) in part_mut(upper, j * n + i, s).iter_mut().zip(&mut lower[..s]) {
-            let mean = 0.5 * (*a + *b);
-            (*a, *b) = (mean, mean);
-        }
+        part_mut(upper, j * n + i, s).copy_from_slice(&lower[..s]);
     }
 
     /// e ← (I − K H) e. H and Kᵀ have m rows of n numbers.
@@ -114,8 +113,8 @@ impl Spread {
                 k.iter().enumerate().for_each(|(i, by)| axpy(-by, u, part_mut(x, i, width)));
             }
         };
-        self.room.resize(m * (n * s).max(self.variances.len()), 0.0);
-        let room = &mut self.room[..m * self.variances.len()];
+        self.room.resize(m * (n * s).max(self.width), 0.0);
+        let room = &mut self.room[..m * self.width];
         seen(&self.columns, room);
         take(&mut self.columns, room);
         let u = &mut self.room[..m * n * s];
@@ -124,7 +123,8 @@ impl Spread {
         for (q, h) in h.chunks_exact(n).enumerate() {
             for r in 0..m {
                 let to = part_mut(&mut half, r * m + q, s);
-                (0..n).for_each(|a| axpy(0.5 * h[a], part(u, r * n + a, s), to));
+                let terms = h.iter().enumerate().filter(|(_, by)| **by != 0.0);
+                terms.for_each(|(a, by)| axpy(0.5 * by, part(u, r * n + a, s), to));
             }
         }
         for r in 0..m {
@@ -144,7 +144,7 @@ impl Spread {
 
     /// The error `error` acts on e: e ← e + l t.
     pub(super) fn act(&mut self, error: usize, l: &[f64]) {
-        let (n, width, t) = (self.n, self.variances.len(), self.variances[error]);
+        let (n, width, t) = (self.n, self.width, self.variances[error]);
         let touched = || l.iter().enumerate().filter(|(_, l)| **l != 0.0);
         let column = |i: usize| i * width + error;
         let Some(block) = self.owners[error] else {
@@ -165,7 +165,7 @@ impl Spread {
     /// The error ages: t ← a t + w, with the variance `fresh` of w.
     pub(super) fn age(&mut self, error: usize, a: f64, fresh: f64) {
         if a != 1.0 {
-            let own = self.columns.iter_mut().skip(error).step_by(self.variances.len());
+            let own = self.columns.iter_mut().skip(error).step_by(self.width);
             own.for_each(|c| *c *= a);
         }
         self.variances[error] = a * a * self.variances[error] + fresh;
@@ -178,7 +178,7 @@ impl Spread {
 
     /// The axes `axes` get a new value, without error.
     pub(super) fn forget(&mut self, axes: core::ops::Range<usize>) {
-        let (n, s, width) = (self.n, self.blocks, self.variances.len());
+        let (n, s, width) = (self.n, self.blocks, self.width);
         self.columns[axes.start * width..axes.end * width].fill(0.0);
         for (i, j) in axes.flat_map(|i| (0..n).map(move |j| (i, j))) {
             part_mut(&mut self.x, i * n + j, s).fill(0.0);
@@ -195,14 +195,20 @@ impl Spread {
 
     /// aᵀ C or aᵀ R of an error, and its T.
     pub(super) fn along(&self, error: usize, a: &[(usize, f64)]) -> (f64, f64) {
-        let width = self.variances.len();
-        let along = a.iter().map(|(i, by)| by * self.columns[i * width + error]).sum();
+        let along = a.iter().map(|(i, by)| by * self.columns[i * self.width + error]).sum();
         (along, self.variances[error])
     }
 }
 
+/// Numbers in a group: short loops over whole groups need no remainder.
+const LANES: usize = 4;
+
+/// y ← y + a x, of whole groups.
 fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
-    y.iter_mut().zip(x).for_each(|(y, x)| *y += a * x);
+    let groups = y.as_chunks_mut::<LANES>().0.iter_mut().zip(x.as_chunks::<LANES>().0);
+    for (y, x) in groups {
+        (0..LANES).for_each(|k| y[k] += a * x[k]);
+    }
 }
 
 /// The row `row` of a matrix of this width.
