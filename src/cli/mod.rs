@@ -204,7 +204,7 @@ Examples:
     ///
     /// One run of the simulated design gives the gains of the filter. The errors of the simulated world are carried
     /// through its steps as covariances, without drawing them. So the result does not depend on luck, and takes the time
-    /// of two or three runs. Gates are outside of it: a rejected measurement of that run has gain 0.
+    /// of a few runs. Gates are outside of it: a rejected measurement of that run has gain 0.
     #[command(after_long_help = "\
 Examples:
   fusion budget configs/ins-gps.toml
