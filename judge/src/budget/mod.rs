@@ -49,7 +49,7 @@ use fusion::config::Diagnostics;
 use fusion::design::Design;
 use fusion::provenance::Provenance;
 use fusion::run::{Options, Run};
-use world::World;
+use world::{World, simulated};
 
 /// How a budget is made.
 #[derive(Clone, Debug, Default)]
@@ -66,6 +66,8 @@ pub struct Settings {
 /// Mistakes of the design; a design without a simulated world, with a bank of hypotheses, or with a process whose input no
 /// simulated instrument measures.
 pub fn budget(design: &Design, settings: &Settings) -> Result<Budget, Diagnostics> {
+    // A recorded log is not opened in vain.
+    simulated(design)?;
     let options = Options {
         seed: settings.seed,
         ..Options::default()

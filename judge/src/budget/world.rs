@@ -135,16 +135,7 @@ pub(super) struct World {
 impl World {
     /// The world of a simulated design.
     pub(super) fn of(design: &Design, assembly: &Assembly) -> Result<Self, Diagnostics> {
-        let Some(simulation) = &design.simulation else {
-            let message = "a budget needs a simulated world, which is its truth: this design reads a log";
-            let help =
-                "declare `[simulation]` with a trajectory like that of the log; `fusion blocks` and book/src/simulation.md describe it";
-            return Err(Diagnostic::error(message).at(design.document.root().place()).help(help).into());
-        };
-        if design.filter.bank.is_some() {
-            let error = Diagnostic::error("a bank of hypotheses has no budget: its estimate may go over to another hypothesis");
-            return Err(error.help("leave out `[filter.bank]`").into());
-        }
+        let simulation = simulated(design)?;
         let mut world = Self {
             sources: Vec::new(),
             errors: Vec::new(),
@@ -451,6 +442,20 @@ impl World {
                 .push("changes of the current of the sea, where it is a state".to_owned());
         }
     }
+}
+
+/// The simulated world of a design that can have a budget.
+pub(super) fn simulated(design: &Design) -> Result<&Named<SimulationDesign>, Diagnostics> {
+    let Some(simulation) = &design.simulation else {
+        let message = "a budget needs a simulated world, which is its truth: this design reads a log";
+        let help = "declare `[simulation]` with a trajectory like that of the log; `fusion blocks` and book/src/simulation.md describe it";
+        return Err(Diagnostic::error(message).at(design.document.root().place()).help(help).into());
+    };
+    if design.filter.bank.is_some() {
+        let error = Diagnostic::error("a bank of hypotheses has no budget: its estimate may go over to another hypothesis");
+        return Err(error.help("leave out `[filter.bank]`").into());
+    }
+    Ok(simulation)
 }
 
 /// The place of each sensor of the filter in its design.
