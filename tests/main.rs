@@ -24,6 +24,9 @@ mod beams;
 #[cfg(unix)]
 #[path = "suite/book.rs"]
 mod book;
+/// Which share of each error comes from which source.
+#[path = "suite/budget.rs"]
+mod budget;
 /// The design with outliers over a hundred seeds: its experiments, and its gate under stress.
 #[path = "suite/campaigns.rs"]
 mod campaigns;

@@ -6,6 +6,7 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod brief;
+mod budget;
 pub mod campaign;
 pub mod comparison;
 mod control;

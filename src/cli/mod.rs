@@ -6,6 +6,7 @@
 
 mod allan;
 mod blocks;
+mod budget;
 mod builtin;
 mod check;
 mod compare;
@@ -202,6 +203,17 @@ Examples:
   fusion tune drive.toml --params 'gyro.noise,sensor.*.noise' --fix tuned.toml
   fusion tune drive.toml --data ~/logs/drive-3 --also ~/logs/drive-4    two logs, one set of noises")]
     Tune(tune::TuneArgs),
+    /// Show which share of each error comes from which source: noise, bias, start, slow error of each instrument.
+    ///
+    /// One run of the simulated design gives the gains of the filter. The errors of the simulated world are carried
+    /// through its steps as covariances, without drawing them. So the result does not depend on luck, and takes the time
+    /// of a few runs. Gates are outside of it: a rejected measurement of that run has gain 0.
+    #[command(after_long_help = "\
+Examples:
+  fusion budget configs/ins-gps.toml
+  fusion budget configs/ins-gps.toml --at '80 s,120 s'
+  fusion budget configs/templates/car.toml --out results    writes budget.toml and budget.svg")]
+    Budget(budget::BudgetArgs),
     /// Find the noises of an inertial unit from a log at rest: Allan deviation, N, B and K per axis.
     ///
     /// The overlapping Allan deviation of each axis is fitted by white noise N, bias instability B and
@@ -463,6 +475,7 @@ pub fn main() -> ExitCode {
         Command::Compare(args) => compare::compare(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Montecarlo(args) => montecarlo::montecarlo(&args),
+        Command::Budget(args) => budget::budget(&args),
         Command::Tune(args) => tune::tune(&args),
         Command::Merge(args) => merge::merge(&args),
         Command::Stress(args) => stress::stress(&args),

@@ -46,6 +46,7 @@ chapters! {
     latency_and_lever_arms: "latency-lever-arms.md",
     consistency: "consistency.md",
     reading_the_report: "report.md",
+    budget: "budget.md",
     slow_errors: "slow-errors.md",
     outages_and_late_data: "outages-late-data.md",
     health: "health.md",

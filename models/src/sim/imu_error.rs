@@ -75,8 +75,8 @@ macro_rules! triad_spec {
         }
 
         impl $Spec {
-            fn over(&self, preset: Numbers) -> Numbers {
-                Numbers {
+            fn over(&self, preset: TriadErrors) -> TriadErrors {
+                TriadErrors {
                     bias: self.bias.map_or(preset.bias, Axes::si),
                     markov: self.markov.map_or(preset.markov, |m| m.sigma.si()),
                     tau: self.markov.map_or(preset.tau, |m| m.correlation_time.si()),
@@ -125,21 +125,30 @@ pub struct ImuErrorSpec {
     accelerometer: AccelerometerErrorSpec,
 }
 
-/// The numbers of one triad, per axis, in SI.
+/// The sizes of the errors of one triad, per axis, in SI: 1σ of those that are constant, densities of the others.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Numbers {
-    bias: [f64; 3],
-    markov: [f64; 3],
-    tau: f64,
-    walk: [f64; 3],
-    noise: [f64; 3],
-    scale: [f64; 3],
-    scale_noise: f64,
-    misalignment: [f64; 3],
-    resolution: [f64; 3],
+pub struct TriadErrors {
+    /// Turn-on bias.
+    pub bias: [f64; 3],
+    /// Stationary 1σ of the slowly varying part of the bias.
+    pub markov: [f64; 3],
+    /// Correlation time of that part \[s\].
+    pub tau: f64,
+    /// Density of the random walk of the bias.
+    pub walk: [f64; 3],
+    /// Density of white noise.
+    pub noise: [f64; 3],
+    /// Scale factor error.
+    pub scale: [f64; 3],
+    /// Density of white noise over the magnitude of what is measured, on every axis.
+    pub scale_noise: f64,
+    /// Misalignment of each axis towards each other one \[rad\].
+    pub misalignment: [f64; 3],
+    /// Least step of the output; 0 without quantisation.
+    pub resolution: [f64; 3],
 }
 
-impl Numbers {
+impl TriadErrors {
     fn new(bias: f64, markov: f64, noise: f64) -> Self {
         let none = [0.0; 3];
         let (bias, markov, noise) = ([bias; 3], [markov; 3], [noise; 3]);
@@ -159,25 +168,34 @@ impl Numbers {
 
 impl ImuPreset {
     /// Gyroscopes, accelerometers.
-    fn numbers(self) -> (Numbers, Numbers) {
+    fn numbers(self) -> (TriadErrors, TriadErrors) {
         let deg = 1_f64.to_radians();
         let (per_hour, per_root_hour) = (deg / 3600.0, deg / 60.0);
         let mg = 1e-3 * STANDARD_GRAVITY;
         match self {
-            Self::Perfect => (Numbers::new(0.0, 0.0, 0.0), Numbers::new(0.0, 0.0, 0.0)),
+            Self::Perfect => (TriadErrors::new(0.0, 0.0, 0.0), TriadErrors::new(0.0, 0.0, 0.0)),
             Self::Hg1700 => (
-                Numbers::new(per_hour, 0.0, 0.125 * per_root_hour),
-                Numbers::new(mg, 0.0, 0.065 * 0.3048 / 60.0),
+                TriadErrors::new(per_hour, 0.0, 0.125 * per_root_hour),
+                TriadErrors::new(mg, 0.0, 0.065 * 0.3048 / 60.0),
             ),
             Self::Navigation => (
-                Numbers::new(0.01 * per_hour, 0.0, 0.002 * per_root_hour),
-                Numbers::new(0.05 * mg, 0.0, 0.01 * mg),
+                TriadErrors::new(0.01 * per_hour, 0.0, 0.002 * per_root_hour),
+                TriadErrors::new(0.05 * mg, 0.0, 0.01 * mg),
             ),
             Self::Consumer => (
-                Numbers::new(0.2 * deg, 20.0 * per_hour, 0.3 * per_root_hour),
-                Numbers::new(20.0 * mg, 0.3 * mg, 0.15 * mg),
+                TriadErrors::new(0.2 * deg, 20.0 * per_hour, 0.3 * per_root_hour),
+                TriadErrors::new(20.0 * mg, 0.3 * mg, 0.15 * mg),
             ),
         }
+    }
+}
+
+impl ImuErrorSpec {
+    /// The sizes of the errors of the gyroscopes and of the accelerometers.
+    #[must_use]
+    pub fn errors(&self) -> [TriadErrors; 2] {
+        let (gyro, accelerometer) = self.preset.numbers();
+        [self.gyro.over(gyro), self.accelerometer.over(accelerometer)]
     }
 }
 
@@ -192,10 +210,10 @@ impl ImuError {
     /// Draws the errors that are constant over the run with this `seed`.
     #[must_use]
     pub fn new(spec: &ImuErrorSpec, seed: u64) -> Self {
-        let (gyro, accelerometer) = spec.preset.numbers();
+        let [gyro, accelerometer] = spec.errors();
         Self {
-            gyro: Triad::new(spec.gyro.over(gyro), seed, "imu/gyro"),
-            accelerometer: Triad::new(spec.accelerometer.over(accelerometer), seed, "imu/accelerometer"),
+            gyro: Triad::new(gyro, seed, "imu/gyro"),
+            accelerometer: Triad::new(accelerometer, seed, "imu/accelerometer"),
         }
     }
 
@@ -231,7 +249,7 @@ impl ImuError {
 
 #[derive(Clone, Debug)]
 struct Triad {
-    numbers: Numbers,
+    numbers: TriadErrors,
     /// The last interval \[s\], and its root.
     step: (f64, f64),
     constant: Vector3<f64>,
@@ -246,7 +264,7 @@ struct Triad {
 }
 
 impl Triad {
-    fn new(numbers: Numbers, seed: u64, name: &str) -> Self {
+    fn new(numbers: TriadErrors, seed: u64, name: &str) -> Self {
         let random = |part: &str| Random::new(seed, &format!("{name}/{part}"));
         let (mut turn_on, mut mounting) = (random("bias"), random("mounting"));
         let constant = Vector3::from_fn(|i, _| numbers.bias[i] * turn_on.normal());
@@ -284,7 +302,7 @@ impl Triad {
             self.step = (dt, math::sqrt(dt));
         }
         let root = self.step.1;
-        let Numbers {
+        let TriadErrors {
             walk,
             noise,
             scale_noise,

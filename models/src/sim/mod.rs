@@ -32,8 +32,8 @@ mod world;
 
 pub use closed_loop::{ClosedLoop, Crew, Script};
 pub use control::{Control, ControlSpec, Goal, Seen};
-pub use imu_error::{AccelerometerErrorSpec, GyroErrorSpec, ImuError, ImuErrorSpec, ImuPreset};
-pub use noise::{SensorError, SensorErrorSpec};
+pub use imu_error::{AccelerometerErrorSpec, GyroErrorSpec, ImuError, ImuErrorSpec, ImuPreset, TriadErrors};
+pub use noise::{SensorError, SensorErrorSpec, SensorErrors};
 pub use odometry::OdometryErrorSpec;
 pub use record::{Errors, HeadingErrors, Leg, Record};
 pub use sea::{SeaSpec, WavesSpec};
@@ -44,7 +44,7 @@ pub use simulator::{
     instruments, odometry_channels, reference_channels, track_channels,
 };
 pub use spec::{SimulationSpec, StartSpec};
-pub use start::DrawnStart;
+pub use start::{DrawnStart, write_true_motion};
 pub use task::{Task, TaskSpec};
 pub use trajectory::Trajectory;
 pub use vehicle::{Command, Vehicle, VehicleSpec};

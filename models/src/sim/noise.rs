@@ -41,6 +41,41 @@ struct MarkovSpec {
     correlation_time: Positive<dim::Duration>,
 }
 
+/// The sizes of the errors of one sensor, per residual row, in SI; 0 for an error that is not declared.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorErrors {
+    /// 1σ of white noise.
+    pub white: Vec<f64>,
+    /// Stationary 1σ of the slowly varying error.
+    pub markov: Vec<f64>,
+    /// Its correlation time \[s\].
+    pub tau: f64,
+    /// 1σ of the constant error.
+    pub bias: Vec<f64>,
+    /// Least step of the measured value.
+    pub resolution: Vec<f64>,
+}
+
+impl SensorErrorSpec {
+    /// The sizes of the errors of a sensor with residual rows of those dimensions.
+    ///
+    /// # Errors
+    /// A dimension or a count of rows that does not fit; the field is within the sensor's table.
+    pub fn errors(&self, rows: &[Dimension]) -> Result<SensorErrors, BuildError> {
+        let si = |given: Option<&PerAxis>, field: &str| match given {
+            Some(given) => per_row(given, rows, field),
+            None => Ok(vec![0.0; rows.len()]),
+        };
+        Ok(SensorErrors {
+            white: si(self.white.as_ref(), "white")?,
+            markov: si(self.markov.as_ref().map(|m| &m.sigma), "markov.sigma")?,
+            tau: self.markov.as_ref().map_or(1.0, |m| m.correlation_time.si()),
+            bias: si(self.bias_sigma.as_ref(), "bias_sigma")?,
+            resolution: si(self.resolution.as_ref(), "resolution")?,
+        })
+    }
+}
+
 /// The errors of one sensor as they run: stateful, seeded.
 #[derive(Clone, Debug)]
 pub struct SensorError {
@@ -66,27 +101,13 @@ impl SensorError {
     /// A dimension or a count of rows that does not fit; the field is within the sensor's table.
     pub fn new(spec: &SensorErrorSpec, name: &str, rows: &[Dimension], seed: u64) -> Result<Self, BuildError> {
         let random = |part: &str| Random::new(seed, &format!("sensor/{name}/{part}"));
-        let si = |given: &Option<PerAxis>, field: &str| match given {
-            Some(given) => per_row(given, rows, field),
-            None => Ok(vec![0.0; rows.len()]),
-        };
-        let markov = match &spec.markov {
-            Some(m) => Some(Markov::new(
-                per_row(&m.sigma, rows, "markov.sigma")?,
-                m.correlation_time.si(),
-                random("markov"),
-            )),
-            None => None,
-        };
-        let mut constant = random("bias");
+        let errors = spec.errors(rows)?;
+        let (markov, mut constant) = (spec.markov.is_some(), random("bias"));
         Ok(Self {
-            white: si(&spec.white, "white")?,
-            markov,
-            bias: si(&spec.bias_sigma, "bias_sigma")?
-                .iter()
-                .map(|sigma| sigma * constant.normal())
-                .collect(),
-            resolution: si(&spec.resolution, "resolution")?,
+            white: errors.white,
+            markov: markov.then(|| Markov::new(errors.markov, errors.tau, random("markov"))),
+            bias: errors.bias.iter().map(|sigma| sigma * constant.normal()).collect(),
+            resolution: errors.resolution,
             random: random("white"),
             last: None,
             first_value: Vec::new(),

@@ -35,6 +35,14 @@ pub struct OdometryErrorSpec {
     yaw_rate_noise: NonNegative<dim::AngleRandomWalk>,
 }
 
+impl OdometryErrorSpec {
+    /// The densities of white noise of the speed ahead, of the speed to the right, and of the yaw rate, in SI.
+    #[must_use]
+    pub fn noise(&self) -> [f64; 3] {
+        [self.forward_noise.si(), self.sideways_noise.si(), self.yaw_rate_noise.si()]
+    }
+}
+
 /// The odometry as it runs: stateful, seeded.
 #[derive(Clone, Debug)]
 pub(super) struct Odometry {
@@ -53,7 +61,7 @@ type Pose = (Vector3<f64>, f64);
 impl Odometry {
     pub(super) fn new(spec: &OdometryErrorSpec, origin: Geodetic, seed: u64) -> Self {
         Self {
-            noise: [spec.forward_noise.si(), spec.sideways_noise.si(), spec.yaw_rate_noise.si()],
+            noise: spec.noise(),
             period: 1.0 / spec.rate.si(),
             random: Random::new(seed, "odometry"),
             frame: LocalFrame::new(origin),

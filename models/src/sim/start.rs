@@ -32,6 +32,27 @@ pub struct DrawnStart {
 }
 memory!(DrawnStart { ; begins, frame, gravity, blocks, seed });
 
+/// Writes the true motion at `time` into the kinematic blocks of the state `x` with this `layout`, for a filter that starts
+/// at that time in the world of `spec`.
+///
+/// # Errors
+/// [`BuildError`] within `[simulation]`.
+pub fn write_true_motion(
+    spec: &SimulationSpec,
+    layout: &Layout,
+    (origin, gravity): (Geodetic, Gravity),
+    time: Time,
+    x: &mut [f64],
+) -> Result<(), BuildError> {
+    let truth = Begins::of(spec, (origin, gravity), spec.seed)?.truth(time);
+    for block in layout.blocks().iter().filter(|b| b.role == StateRole::Kinematic) {
+        if let Some(known) = Known::of(layout, block)? {
+            known.write(&truth, &LocalFrame::new(origin), gravity, x);
+        }
+    }
+    Ok(())
+}
+
 /// The truth when the filter starts.
 #[derive(Clone, Debug)]
 enum Begins {
@@ -39,6 +60,23 @@ enum Begins {
     On(Arc<OpenLoop>),
     /// In a vehicle, which stands until then.
     Standing(Truth),
+}
+
+impl Begins {
+    fn of(spec: &SimulationSpec, (origin, gravity): (Geodetic, Gravity), seed: u64) -> Result<Self, BuildError> {
+        Ok(if spec.vehicle.is_some() {
+            Self::Standing(*spec.world(origin, gravity, seed, None)?.truth())
+        } else {
+            Self::On(Arc::new(OpenLoop::new(spec.trajectory()?, spec.plane(origin, gravity))))
+        })
+    }
+
+    fn truth(&self, time: Time) -> Truth {
+        match self {
+            Self::On(trajectory) => trajectory.truth_at(time),
+            Self::Standing(truth) => *truth,
+        }
+    }
 }
 
 impl DrawnStart {
@@ -64,13 +102,8 @@ impl DrawnStart {
             let help = "declare the start, `type = \"explicit\"` under [initial.NAME], or remove `draw_start`";
             return Err(BuildError::at("draw_start", message).help(help));
         }
-        let begins = if spec.vehicle.is_some() {
-            Begins::Standing(*spec.world(origin, gravity, seed, None)?.truth())
-        } else {
-            Begins::On(Arc::new(OpenLoop::new(spec.trajectory()?, spec.plane(origin, gravity))))
-        };
         Ok(Self {
-            begins,
+            begins: Begins::of(spec, (origin, gravity), seed)?,
             frame: LocalFrame::new(origin),
             gravity,
             blocks,
@@ -87,10 +120,7 @@ impl Initialiser for DrawnStart {
     }
 
     fn write(&self, time: Time, _: &Layout, belief: &mut Belief) {
-        let truth = match &self.begins {
-            Begins::On(trajectory) => trajectory.truth_at(time),
-            Begins::Standing(truth) => *truth,
-        };
+        let truth = self.begins.truth(time);
         for (block, known) in &self.blocks {
             known.write(&truth, &self.frame, self.gravity, &mut belief.x);
             let d = block.kind.dim();
