@@ -8,7 +8,7 @@ use super::sensors::{count_columns, counted, counts, residual_rows, row_name};
 use super::trajectory;
 use crate::Shown;
 use fusion::observe::{ConsumerCounts, SensorStatistics};
-use fusion::run::{Current, FinalState, InsideScore, Smoothed, Summary};
+use fusion::run::{Current, FinalState, InsideScore, Iteration, Smoothed, Summary};
 use fusion::score::{Axes, Consistency, ConsistencyVerdict, Convergence, Episodes, Score};
 use fusion::solution::rpy_of;
 use fusion_core::state::{Attitude, Kind, Manifold};
@@ -682,9 +682,24 @@ fn smoothed_errors(how: &Smoothed, score: &Score) -> Section {
         .lag
         .map_or_else(|| "all data".to_owned(), |lag| format!("data of {lag} s after it"));
     let section = errors(score);
-    Section {
+    let section = Section {
         title: format!("{}, each smoothed by {data}", section.title),
         ..section
+    };
+    match &how.iteration {
+        Some(how) => section.note(iteration(how)),
+        None => section,
+    }
+}
+
+/// How an iteration of smoothing ended.
+fn iteration(how: &Iteration) -> String {
+    let times = how.iterations;
+    if how.is_converged {
+        format!("Linearised {times} times at the smoothed states: no state is further than 1e-6 σ from the optimum.")
+    } else {
+        let distance = how.distance;
+        format!("Not converged: linearised {times} times at the smoothed states, {distance:.1e} σ from the optimum.")
     }
 }
 

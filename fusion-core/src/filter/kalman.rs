@@ -10,7 +10,7 @@ use super::protect::Protection;
 use super::reacquire::Growing;
 use super::rule::{Innovation, Problem, UpdateRule};
 use super::sigma::SigmaSpread;
-use super::step::Step;
+use super::step::{Cause, Offered, Step};
 use crate::belief::{Belief, Past};
 use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form, Kernel};
@@ -143,6 +143,17 @@ enum Drive<'a> {
     Nothing(Gap),
 }
 
+/// Moves `x` through a part of a gap; a process that cannot coast holds its latest sample. `input` has the motion at the
+/// beginning of the gap, and becomes the input on this path.
+pub(super) fn coast(process: &dyn Process, gap: &Gap, x: &mut [f64], input: &mut LastInput, out: &mut Transition) {
+    let (motion, sample) = input.coast(process, x);
+    if !process.coast(x, gap, motion, sample, out) {
+        let (held, dt) = (Input::held(sample), gap.duration());
+        process.linearise(x, &held, dt, out);
+        process.propagate(x, &held, dt);
+    }
+}
+
 impl Filter {
     /// A filter at the layout's initial belief, with room for measurements of up to `largest`.
     #[must_use]
@@ -242,7 +253,8 @@ impl Filter {
                 self.predict_covariance(dt)
             }
             (Drive::Nothing(gap), _) => {
-                self.coast_step(gap);
+                let Belief { x, input, .. } = &mut self.belief;
+                coast(self.process.as_ref(), gap, x, input, &mut self.transition);
                 self.predict_covariance(dt)
             }
         };
@@ -256,21 +268,14 @@ impl Filter {
         self.belief.time = to;
         self.keep(prior, |f, prior| Step::Predicted {
             prior,
+            cause: match drive {
+                Drive::Input(_) => Cause::Input { duration: dt },
+                Drive::Nothing(gap) => Cause::Gap(*gap),
+            },
             transition: f.transition.clone(),
             posterior: f.belief.clone(),
         });
         true
-    }
-
-    /// Moves the state through a part of a gap; a process that cannot coast holds its latest sample.
-    fn coast_step(&mut self, gap: &Gap) {
-        let (process, x) = (&self.process, &mut self.belief.x);
-        let (motion, sample) = self.belief.input.coast(process.as_ref(), x);
-        if !process.coast(x, gap, motion, sample, &mut self.transition) {
-            let (held, dt) = (Input::held(sample), gap.duration());
-            process.linearise(x, &held, dt, &mut self.transition);
-            process.propagate(x, &held, dt);
-        }
     }
 
     /// The blocks' own dynamics, and P by the transition. Returns false, with P as before, if P is not sound. The
@@ -485,6 +490,7 @@ impl Filter {
             let (m, n, w) = (f.work.rows, f.layout.dim(), &f.work.work);
             Step::Corrected {
                 prior,
+                offered: f.offered(observed),
                 jacobian: f.work.jacobian.clone(),
                 noise: f.work.noise[..m * m].to_vec(),
                 residual: f.work.effective[..m].to_vec(),
@@ -496,6 +502,24 @@ impl Filter {
             }
         });
         true
+    }
+
+    /// The measurement as a value; it was linearised at the prediction.
+    fn offered(&self, observed: &Observed<'_>) -> Offered {
+        let (Size { value, residual: m }, kept) = (observed.model.size(), |input: &Input<'_>| {
+            let mut kept = LastInput::default();
+            kept.take(input);
+            kept
+        });
+        let smooth = observed.derivative_input.filter(|_| observed.model.reads_signals());
+        Offered {
+            sensor: observed.sensor,
+            value: observed.value[..value].to_vec(),
+            noise: observed.noise[..m * m].to_vec(),
+            derivative_input: smooth.as_ref().map(kept),
+            input_change: smooth.map_or_else(Vec::new, |_| self.work.input_change[..m].to_vec()),
+            lateness: observed.lateness.as_ref().map(|l| (l.assumed, kept(&l.input))),
+        }
     }
 
     /// The innovation under a covariance that has grown, for rules that need more than H.
@@ -645,6 +669,7 @@ impl Estimator for Filter {
             let posterior = f.belief.clone();
             Step::Predicted {
                 prior,
+                cause: Cause::Renewal,
                 transition,
                 posterior,
             }

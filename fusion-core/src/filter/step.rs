@@ -2,6 +2,39 @@
 
 use crate::belief::Belief;
 use crate::linear::{BlockMatrix, Jacobian, Transition};
+use crate::model::{Gap, LastInput};
+
+/// The cause of a change of the belief that is not a measurement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cause {
+    /// The process moved by the input of the posterior.
+    Input {
+        /// The length of the step \[s\].
+        duration: f64,
+    },
+    /// The process moved without input, by the motion of the posterior.
+    Gap(Gap),
+    /// The orientations were replaced by the posterior's orientations, which do not depend on the earlier estimate.
+    Renewal,
+}
+
+/// A measurement as it was offered, for an evaluation of its model at another state.
+#[derive(Clone, Debug, Default)]
+pub struct Offered {
+    /// The number of its sensor.
+    pub sensor: usize,
+    /// The measured value z.
+    pub value: Vec<f64>,
+    /// R, m×m, row by row, before any robust weight.
+    pub noise: Vec<f64>,
+    /// The input under which derivatives were taken; `None`: the input of the belief.
+    pub derivative_input: Option<LastInput>,
+    /// The change of the prediction by the input of the belief, compared with that input; empty without it.
+    pub input_change: Vec<f64>,
+    /// The time offset by which it would be valid at its time \[s\], and the input about that time; `None` without an
+    /// offset.
+    pub lateness: Option<(f64, LastInput)>,
+}
 
 /// One step of the estimator. All matrices are in the canonical chart.
 #[derive(Clone, Debug)]
@@ -10,6 +43,8 @@ pub enum Step {
     Predicted {
         /// Before.
         prior: Belief,
+        /// Why.
+        cause: Cause,
         /// Φ and the process noise.
         transition: Transition,
         /// After.
@@ -27,6 +62,8 @@ pub enum Step {
     Corrected {
         /// Before.
         prior: Belief,
+        /// The measurement.
+        offered: Offered,
         /// H.
         jacobian: Jacobian,
         /// R, m×m, row by row, with the robust weight in it.

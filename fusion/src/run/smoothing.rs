@@ -6,8 +6,8 @@ use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::By;
-use fusion_core::filter::Parts;
-use fusion_core::smoother::{FixedInterval, FixedLag, Shelf, Tape};
+use fusion_core::filter::{Parts, SensorModel};
+use fusion_core::smoother::{FixedInterval, FixedLag, IteratedInterval, Shelf, Tape};
 use fusion_core::time::nanos;
 
 /// The data used to smooth a run.
@@ -17,6 +17,8 @@ pub(super) enum Planned {
     Lag(f64),
     /// All of the log.
     Whole(Keep),
+    /// All of the log, linearised at the smoothed states.
+    Iterated(Keep),
 }
 
 impl Planned {
@@ -25,6 +27,7 @@ impl Planned {
         match options.smooth {
             Smoothing::Never => None,
             Smoothing::Whole(keep) => Some(Self::Whole(keep)),
+            Smoothing::Iterated(keep) => Some(Self::Iterated(keep)),
             Smoothing::Declared => design.run.smooth.map(|smooth| Self::Lag(smooth.lag.si())),
         }
     }
@@ -39,7 +42,7 @@ impl Planned {
         let layout = assembly.layout.clone();
         let keep = match self {
             Self::Lag(lag) => return Ok(By::Lag(Box::new(FixedLag::new(layout, &parts, nanos(lag))), lag)),
-            Self::Whole(keep) => keep,
+            Self::Whole(keep) | Self::Iterated(keep) => keep,
         };
         let tape = |name: &str| -> Result<Tape, Diagnostics> {
             let shelf: Box<dyn Shelf> = match keep {
@@ -48,6 +51,15 @@ impl Planned {
             };
             Ok(Tape::new(shelf))
         };
+        if matches!(self, Self::Iterated(_)) {
+            let sensors = assembly.runner.sensors().iter().map(|s| SensorModel {
+                model: s.model.clone(),
+                offset: s.offset.as_ref().map(|offset| offset.value.clone()),
+                loss: s.loss.clone(),
+            });
+            let interval = IteratedInterval::new(layout, assembly.process.clone(), &parts, sensors.collect(), tape("steps")?);
+            return Ok(By::Iterated(Box::new(interval), tape("smoothed")?));
+        }
         let interval = FixedInterval::new(layout, &parts, tape("steps")?);
         Ok(By::All(Box::new(interval), tape("smoothed")?))
     }
