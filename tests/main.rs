@@ -88,6 +88,9 @@ mod navigators;
 /// Designs to begin with: the designs that `fusion new` writes run at once.
 #[path = "suite/new.rs"]
 mod new;
+/// The maximum a posteriori of a log, found in two ways.
+#[path = "suite/optimum.rs"]
+mod optimum;
 /// Closed forms of inertial navigation: drift, coning, clean data, the wrap of the heading.
 #[path = "suite/oracles.rs"]
 mod oracles;

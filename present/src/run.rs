@@ -278,6 +278,11 @@ impl Shown<'_, Summary> {
             }
         }
         all.extend(self.score().into_iter().flat_map(undefined));
+        let iteration = self.smoothed().and_then(|s| s.iteration);
+        all.extend(iteration.filter(|how| !how.is_converged).map(|how| {
+            let distance = how.distance;
+            format!("smoothed: the iteration has not converged; it ended {distance:.1e} σ from the optimum")
+        }));
         let smoothed = self.smoothed().into_iter().filter_map(|s| s.score.as_ref());
         all.extend(smoothed.flat_map(undefined).map(|warning| format!("smoothed: {warning}")));
         for (consumer, count) in self.unused_rows() {
@@ -694,13 +699,16 @@ fn smoothed_errors(how: &Smoothed, score: &Score) -> Section {
 
 /// How an iteration of smoothing ended.
 fn iteration(how: &Iteration) -> String {
-    let times = how.iterations;
-    if how.is_converged {
-        format!("Linearised {times} times at the smoothed states: no state is further than 1e-6 σ from the optimum.")
+    let times = match how.iterations {
+        1 => "once".to_owned(),
+        times => format!("{times} times"),
+    };
+    let end = if how.is_converged {
+        "no state is further than 1e-6 σ from the optimum".to_owned()
     } else {
-        let distance = how.distance;
-        format!("Not converged: linearised {times} times at the smoothed states, {distance:.1e} σ from the optimum.")
-    }
+        format!("not converged, {:.1e} σ from the optimum", how.distance)
+    };
+    format!("Linearised {times} at the smoothed states: {end}.")
 }
 
 #[cfg(test)]

@@ -41,6 +41,10 @@ pub(super) struct RunArgs {
         hide_possible_values = true
     )]
     smooth: Option<Option<SmoothArg>>,
+    /// As `--smooth=iterate`, by sparse Cholesky factorisation of the normal equations of the whole log, in memory: an
+    /// independent check. The program has to be built with the feature `faer`.
+    #[arg(long, conflicts_with = "smooth")]
+    batch: bool,
     /// With `order = "rewind"`: estimates.csv holds the current estimates, before later rows changed them, and
     /// revised.csv the revised estimates. Without it, current.csv and estimates.csv hold them.
     #[arg(long, requires = "out")]
@@ -88,6 +92,7 @@ enum SmoothArg {
 impl RunArgs {
     fn smoothing(&self) -> Smoothing {
         match (self.smooth, &self.out) {
+            (None, _) if self.batch => Smoothing::Batch,
             (None, _) => Smoothing::Declared,
             (Some(Some(SmoothArg::Iterate)), None) => Smoothing::Iterated(Keep::Memory),
             (Some(Some(SmoothArg::Iterate)), Some(_)) => Smoothing::Iterated(Keep::Disk),

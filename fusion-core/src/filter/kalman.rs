@@ -8,6 +8,7 @@ use super::fixes::Fixes;
 use super::own::OwnDynamics;
 use super::protect::Protection;
 use super::reacquire::Growing;
+use super::replay::coast;
 use super::rule::{Innovation, Problem, UpdateRule};
 use super::sigma::SigmaSpread;
 use super::step::{Cause, Offered, Step};
@@ -141,17 +142,6 @@ impl Signals {
 enum Drive<'a> {
     Input(Input<'a>),
     Nothing(Gap),
-}
-
-/// Moves `x` through a part of a gap; a process that cannot coast holds its latest sample. `input` has the motion at the
-/// beginning of the gap, and becomes the input on this path.
-pub(super) fn coast(process: &dyn Process, gap: &Gap, x: &mut [f64], input: &mut LastInput, out: &mut Transition) {
-    let (motion, sample) = input.coast(process, x);
-    if !process.coast(x, gap, motion, sample, out) {
-        let (held, dt) = (Input::held(sample), gap.duration());
-        process.linearise(x, &held, dt, out);
-        process.propagate(x, &held, dt);
-    }
 }
 
 impl Filter {
@@ -490,7 +480,7 @@ impl Filter {
             let (m, n, w) = (f.work.rows, f.layout.dim(), &f.work.work);
             Step::Corrected {
                 prior,
-                offered: f.offered(observed),
+                offered: Box::new(Offered::of(observed, &f.work.input_change[..m])),
                 jacobian: f.work.jacobian.clone(),
                 noise: f.work.noise[..m * m].to_vec(),
                 residual: f.work.effective[..m].to_vec(),
@@ -502,24 +492,6 @@ impl Filter {
             }
         });
         true
-    }
-
-    /// The measurement as a value; it was linearised at the prediction.
-    fn offered(&self, observed: &Observed<'_>) -> Offered {
-        let (Size { value, residual: m }, kept) = (observed.model.size(), |input: &Input<'_>| {
-            let mut kept = LastInput::default();
-            kept.take(input);
-            kept
-        });
-        let smooth = observed.derivative_input.filter(|_| observed.model.reads_signals());
-        Offered {
-            sensor: observed.sensor,
-            value: observed.value[..value].to_vec(),
-            noise: observed.noise[..m * m].to_vec(),
-            derivative_input: smooth.as_ref().map(kept),
-            input_change: smooth.map_or_else(Vec::new, |_| self.work.input_change[..m].to_vec()),
-            lateness: observed.lateness.as_ref().map(|l| (l.assumed, kept(&l.input))),
-        }
     }
 
     /// The innovation under a covariance that has grown, for rules that need more than H.

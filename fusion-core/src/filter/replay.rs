@@ -1,6 +1,5 @@
 //! The models behind a filter's steps, evaluated again at other states.
 
-use super::kalman::coast;
 use super::lateness::Lateness;
 use super::own::OwnDynamics;
 use super::rule::Innovation;
@@ -8,7 +7,7 @@ use super::step::Offered;
 use crate::covariance::{Covariance, Form, Kernel};
 use crate::linear::Transition;
 use crate::loss::Loss;
-use crate::model::{Gap, LastInput, Measurement, Process, SignalBuffer, Size, Undefined};
+use crate::model::{Gap, Input, LastInput, Measurement, Process, SignalBuffer, Size, Undefined};
 use crate::state::{Layout, Quantity, Scalar};
 use std::sync::Arc;
 
@@ -115,5 +114,16 @@ impl Replay {
         model.residual(&offered.value, &work.predicted[..value], &mut work.residual[..m]);
         work.noise[..m * m].copy_from_slice(&offered.noise);
         Ok(())
+    }
+}
+
+/// Moves `x` through a part of a gap; a process that cannot coast holds its latest sample. `input` has the motion at the
+/// beginning of the gap, and becomes the input on this path.
+pub(super) fn coast(process: &dyn Process, gap: &Gap, x: &mut [f64], input: &mut LastInput, out: &mut Transition) {
+    let (motion, sample) = input.coast(process, x);
+    if !process.coast(x, gap, motion, sample, out) {
+        let (held, dt) = (Input::held(sample), gap.duration());
+        process.linearise(x, &held, dt, out);
+        process.propagate(x, &held, dt);
     }
 }

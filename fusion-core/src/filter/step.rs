@@ -1,8 +1,9 @@
 //! Steps as values, for smoothers, ledgers and reports on one update that work without the filter.
 
+use super::estimator::Observed;
 use crate::belief::Belief;
 use crate::linear::{BlockMatrix, Jacobian, Transition};
-use crate::model::{Gap, LastInput};
+use crate::model::{Gap, Input, LastInput, Size};
 
 /// The cause of a change of the belief that is not a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +37,28 @@ pub struct Offered {
     pub lateness: Option<(f64, LastInput)>,
 }
 
+impl Offered {
+    /// A measurement that was linearised at the prior; `input_change` is the change of its prediction by the input of the
+    /// belief, if another input was used.
+    pub(super) fn of(observed: &Observed<'_>, input_change: &[f64]) -> Self {
+        let Size { value, residual: m } = observed.model.size();
+        let kept = |input: &Input<'_>| {
+            let mut kept = LastInput::default();
+            kept.take(input);
+            kept
+        };
+        let smooth = observed.derivative_input.filter(|_| observed.model.reads_signals());
+        Self {
+            sensor: observed.sensor,
+            value: observed.value[..value].to_vec(),
+            noise: observed.noise[..m * m].to_vec(),
+            derivative_input: smooth.as_ref().map(kept),
+            input_change: smooth.map_or_else(Vec::new, |_| input_change.to_vec()),
+            lateness: observed.lateness.as_ref().map(|l| (l.assumed, kept(&l.input))),
+        }
+    }
+}
+
 /// One step of the estimator. All matrices are in the canonical chart.
 #[derive(Clone, Debug)]
 pub enum Step {
@@ -63,7 +86,7 @@ pub enum Step {
         /// Before.
         prior: Belief,
         /// The measurement.
-        offered: Offered,
+        offered: Box<Offered>,
         /// H.
         jacobian: Jacobian,
         /// R, m×m, row by row, with the robust weight in it.

@@ -189,11 +189,11 @@ impl Corrector {
 
     /// The estimate `kept` given the data that `later` sums up, into `out`.
     pub(super) fn correct(&mut self, kept: &Kept, later: &Adjoint, out: &mut Belief) {
-        self.correct_about(kept, &[], later, out);
+        self.correct_about(kept, (&[], None), later, out);
     }
 
-    /// The same if the mean of the error about `kept` is `mean`; empty for zero.
-    pub(super) fn correct_about(&mut self, kept: &Kept, mean: &[f64], later: &Adjoint, out: &mut Belief) {
+    /// The same if the mean of the error about `kept` is `mean`, empty for zero, or if its smoothed error is `known`.
+    pub(super) fn correct_about(&mut self, kept: &Kept, (mean, known): (&[f64], Option<&[f64]>), later: &Adjoint, out: &mut Belief) {
         let (n, ld) = (later.n, later.ld);
         out.time = kept.time;
         out.x.clone_from(&kept.x);
@@ -213,6 +213,7 @@ impl Corrector {
         for (i, d) in self.correction.iter_mut().enumerate() {
             *d = mean.get(i).copied().unwrap_or(0.0) - dot(&self.p[i * ld..i * ld + n], &later.vector);
         }
+        known.into_iter().for_each(|known| self.correction.copy_from_slice(known));
         // P − (PΛ)P
         multiply(&self.p, &later.matrix, &mut self.product, n, ld);
         multiply(&self.product, &self.p, &mut self.less, n, ld);

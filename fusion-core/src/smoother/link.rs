@@ -129,6 +129,12 @@ impl Link {
         }
     }
 
+    /// Elements of Φ − I: row, column, value.
+    #[cfg(feature = "faer")]
+    pub(super) fn changes(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.changes.iter().map(|&(i, j, change)| (i.into(), j.into(), change))
+    }
+
     /// Rows m of the measurement; 0 for a prediction.
     pub(super) const fn rows(&self) -> usize {
         self.rows

@@ -52,6 +52,9 @@ pub enum Smoothing {
     /// By all data of the log, with the models linearised again at the smoothed states until these do not change: the
     /// maximum a posteriori.
     Iterated(Keep),
+    /// The same maximum by sparse Cholesky factorisation of the normal equations of the whole log, in memory. It needs the
+    /// feature `faer`.
+    Batch,
 }
 
 /// Where the data for smoothing are kept until the end of a run.

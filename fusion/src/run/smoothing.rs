@@ -19,6 +19,8 @@ pub(super) enum Planned {
     Whole(Keep),
     /// All of the log, linearised at the smoothed states.
     Iterated(Keep),
+    /// The same by Cholesky factorisation.
+    Batch,
 }
 
 impl Planned {
@@ -28,6 +30,7 @@ impl Planned {
             Smoothing::Never => None,
             Smoothing::Whole(keep) => Some(Self::Whole(keep)),
             Smoothing::Iterated(keep) => Some(Self::Iterated(keep)),
+            Smoothing::Batch => Some(Self::Batch),
             Smoothing::Declared => design.run.smooth.map(|smooth| Self::Lag(smooth.lag.si())),
         }
     }
@@ -43,6 +46,7 @@ impl Planned {
         let keep = match self {
             Self::Lag(lag) => return Ok(By::Lag(Box::new(FixedLag::new(layout, &parts, nanos(lag))), lag)),
             Self::Whole(keep) | Self::Iterated(keep) => keep,
+            Self::Batch => Keep::Memory,
         };
         let tape = |name: &str| -> Result<Tape, Diagnostics> {
             let shelf: Box<dyn Shelf> = match keep {
@@ -51,18 +55,28 @@ impl Planned {
             };
             Ok(Tape::new(shelf))
         };
-        if matches!(self, Self::Iterated(_)) {
+        if matches!(self, Self::Iterated(_) | Self::Batch) {
             let sensors = assembly.runner.sensors().iter().map(|s| SensorModel {
                 model: s.model.clone(),
                 offset: s.offset.as_ref().map(|offset| offset.value.clone()),
                 loss: s.loss.clone(),
             });
-            let interval = IteratedInterval::new(layout, assembly.process.clone(), &parts, sensors.collect(), tape("steps")?);
+            let mut interval = IteratedInterval::new(layout, assembly.process.clone(), &parts, sensors.collect(), tape("steps")?);
+            if self == Self::Batch {
+                interval = interval.by_cholesky().ok_or_else(no_cholesky)?;
+            }
             return Ok(By::Iterated(Box::new(interval), tape("smoothed")?));
         }
         let interval = FixedInterval::new(layout, &parts, tape("steps")?);
         Ok(By::All(Box::new(interval), tape("smoothed")?))
     }
+}
+
+fn no_cholesky() -> Diagnostics {
+    let error = Diagnostic::error("`--batch` needs a program that is built with the feature `faer`");
+    error
+        .help("build it with `--features faer`, or use `--smooth=iterate`, which ends at the same estimate")
+        .into()
 }
 
 fn no_folder() -> Diagnostics {

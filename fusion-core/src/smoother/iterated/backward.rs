@@ -20,6 +20,11 @@ impl IteratedInterval {
     pub(super) fn backward(&mut self, back: &mut Tape, is_first: bool) -> Result<Sums, Halt> {
         let n = self.state.mean.len();
         let (mut adjoint, mut later, mut sums) = (Adjoint::new(n), Vec::new(), Sums::default());
+        let mut directions = if self.is_batch && !is_first {
+            self.solve_whole()?
+        } else {
+            Vec::new()
+        };
         while self.forth.pop(&mut self.record)? {
             memory::recall(&mut self.linear, &self.record)?;
             if !is_first {
@@ -29,7 +34,9 @@ impl IteratedInterval {
             planned.clear();
             match &linear.operation {
                 Operation::Estimate => {
-                    self.corrector.correct_about(&linear.kept, &linear.mean, &adjoint, &mut self.belief);
+                    let known = directions.last().map(|d: &Direction| d.step.as_slice());
+                    let about = (linear.mean.as_slice(), known);
+                    self.corrector.correct_about(&linear.kept, about, &adjoint, &mut self.belief);
                     sums.change = sums.change.max(self.corrector.change);
                     planned.kept.take(&self.belief);
                 }
@@ -44,7 +51,7 @@ impl IteratedInterval {
                     });
                 }
                 _ => {
-                    direct(linear, &mut adjoint, planned);
+                    direct(linear, &mut adjoint, planned, directions.pop());
                     if !is_first {
                         sums.add(linear, planned);
                         sums.norm += later.iter().map(|l| l.change(&planned.step)).sum::<f64>();
@@ -60,6 +67,24 @@ impl IteratedInterval {
         Ok(sums)
     }
 
+    /// The directions at all states by Cholesky factorisation. The records stay.
+    fn solve_whole(&mut self) -> Result<Vec<Direction>, Halt> {
+        let (mut records, mut linear) = (Vec::new(), Vec::new());
+        while self.forth.pop(&mut self.record)? {
+            records.push(self.record.clone());
+        }
+        for (k, record) in records.iter().rev().enumerate() {
+            self.forth.push(record)?;
+            // The record before each is that of the way forward.
+            if k % 2 == 1 {
+                let mut read = Linear::default();
+                memory::recall(&mut read, record)?;
+                linear.push(read);
+            }
+        }
+        solve(&linear, self.state.mean.len())
+    }
+
     /// Goes back with the trajectory and the direction of before.
     pub(super) fn restore(&mut self, back: &mut Tape) -> Result<(), Halt> {
         while self.forth.pop(&mut self.record)? {
@@ -70,8 +95,25 @@ impl IteratedInterval {
     }
 }
 
-/// The direction at a state, with the adjoint after its step, which moves to before it.
-fn direct(linear: &Linear, adjoint: &mut Adjoint, planned: &mut Planned) {
+/// d and λ of a state.
+pub(super) struct Direction {
+    pub(super) step: Vec<f64>,
+    pub(super) multiplier: Vec<f64>,
+}
+
+#[cfg(feature = "faer")]
+fn solve(records: &[Linear], n: usize) -> Result<Vec<Direction>, Halt> {
+    Ok(super::cholesky::solve(records, n)?)
+}
+
+/// Unreachable: no [`IteratedInterval`] is a batch without the feature.
+#[cfg(not(feature = "faer"))]
+fn solve(_: &[Linear], _: usize) -> Result<Vec<Direction>, Halt> {
+    Err(super::Unsound.into())
+}
+
+/// The direction at a state, with the adjoint after its step, which moves to before it; or the direction that is `solved`.
+fn direct(linear: &Linear, adjoint: &mut Adjoint, planned: &mut Planned, solved: Option<Direction>) {
     let n = adjoint.vector.len();
     planned.x.clone_from(&linear.x);
     symmetric(&linear.p, &adjoint.vector, &mut planned.step);
@@ -84,6 +126,9 @@ fn direct(linear: &Linear, adjoint: &mut Adjoint, planned: &mut Planned) {
         adjoint.back(&linear.link);
     }
     planned.multiplier.clone_from(&adjoint.vector);
+    if let Some(Direction { step, multiplier }) = solved {
+        (planned.step, planned.multiplier) = (step, multiplier);
+    }
     planned.dual.clone_from(&linear.dual);
     planned.dual.resize(n, 0.0);
     let Planned {
@@ -102,7 +147,7 @@ fn direct(linear: &Linear, adjoint: &mut Adjoint, planned: &mut Planned) {
 }
 
 impl Sums {
-    /// Adds a step that is no measurement.
+    /// Adds a step other than a measurement.
     fn add(&mut self, linear: &Linear, planned: &Planned) {
         let Planned {
             dual,

@@ -56,7 +56,7 @@ impl State {
         linear.mean.clone_from(&self.mean);
     }
 
-    /// Takes a step that is no measurement. Returns the price of its defect in the merit.
+    /// Takes a step other than a measurement. Returns the price of its defect in the merit.
     fn advance(&mut self, replay: &mut Replay, planned: &Planned, part: f64, linear: &mut Linear) -> f64 {
         let layout = replay.layout.clone();
         linear.x.clone_from(&planned.x);
@@ -155,6 +155,7 @@ impl State {
         let loss = replay.loss(offered.sensor).zip(squared);
         let weight = loss.map_or(1.0, |(loss, squared)| loss.weight(math::sqrt(squared), m));
         let work = &mut replay.work;
+        let residual = work.residual[..m].to_vec();
         work.noise[..m * m].iter_mut().for_each(|r| *r /= weight);
         for i in 0..m {
             let along: f64 = work.jacobian.row(i).iter().zip(&self.mean).map(|(h, d)| h * d).sum();
@@ -173,6 +174,7 @@ impl State {
         linear.factor.extend_from_slice(&work.work.l[..m * m]);
         linear.weighed.extend_from_slice(&work.noise[..m * m]);
         linear.link.learn(&work.jacobian, &linear.factor, &gain, &work.residual[..m]);
+        linear.residual = residual;
         linear.weight = weight;
         linear.cost = weight * squared.unwrap_or(0.0);
         self.mean.iter_mut().zip(&work.correction).for_each(|(mean, d)| *mean += d);

@@ -17,10 +17,13 @@
 //! Memory     two tapes that are read from their ends, so that each pass leaves its records in the order of the next
 //! Not here   derivatives of Q; second derivatives of ⊞ in the noise of one step; the share by which the filter may
 //!            protect calibrations, and its growth of R under an open attitude
+//! Batch      [`IteratedInterval::by_cholesky`] solves the linear problem by sparse Cholesky factorisation instead
 //! Source     Bell 1994, The iterated Kalman smoother as a Gauss-Newton method; step control by Särkkä and Svensson
 //!            2020 (arXiv 2007.14136); merit: Nocedal and Wright 2006, §18.4
 
 mod backward;
+#[cfg(feature = "faer")]
+mod cholesky;
 mod forward;
 mod record;
 #[cfg(test)]
@@ -77,6 +80,8 @@ pub struct Convergence {
 pub struct IteratedInterval {
     replay: Replay,
     corrector: Corrector,
+    /// Whether the linear problem is solved by sparse Cholesky factorisation.
+    is_batch: bool,
     /// Records in the order of the log, read from the end of the log.
     forth: Tape,
     record: Vec<u8>,
@@ -136,6 +141,7 @@ impl IteratedInterval {
         Self {
             corrector: Corrector::new(layout.clone(), parts),
             replay: Replay::new(layout, process, sensors, form().as_ref(), parts.kernel),
+            is_batch: false,
             forth: tape,
             record: Vec::new(),
             linear: Linear::default(),
@@ -150,6 +156,13 @@ impl IteratedInterval {
                 whole: Vec::new(),
             },
         }
+    }
+
+    /// Solves each linear problem as normal equations over all states, by sparse Cholesky factorisation, instead of by a
+    /// filter and an adjoint. The log has to fit into memory. `None` if this crate is built without the feature `faer`.
+    #[must_use]
+    pub fn by_cholesky(self) -> Option<Self> {
+        cfg!(feature = "faer").then_some(Self { is_batch: true, ..self })
     }
 
     /// The filter starts or restarts from `belief`: later data contain no information about the time before.
@@ -193,7 +206,8 @@ impl IteratedInterval {
             } else {
                 f64::MAX
             };
-            if told.iterations > 0 && !(merit <= least) {
+            let falls = merit <= least;
+            if told.iterations > 0 && !falls {
                 self.restore(&mut back)?;
                 // The minimum of the parabola through value and slope at the start and this value.
                 let least = sums.norm * part * part / (merit - sums.merit() + 2.0 * sums.norm * part);

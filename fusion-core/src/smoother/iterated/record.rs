@@ -145,9 +145,9 @@ pub(super) struct Planned {
     pub(super) multiplier: Vec<f64>,
     /// Qν and Qλ.
     pub(super) noise: [Vec<f64>; 2],
-    /// Of a measurement: the robust weight at the trajectory.
+    /// The robust weight of a measurement at the trajectory.
     pub(super) weight: f64,
-    /// Of a wanted estimate: the smoothed belief.
+    /// The smoothed belief of a wanted estimate.
     pub(super) kept: Kept,
 }
 
@@ -181,10 +181,12 @@ pub(super) struct Linear {
     /// The factor of S, and R with the robust weight, m×m, row by row.
     pub(super) factor: Vec<f64>,
     pub(super) weighed: Vec<f64>,
+    /// The residual at the trajectory; empty if the measurement is left out.
+    pub(super) residual: Vec<f64>,
     /// The robust weight, and the weighted square of the residual.
     pub(super) weight: f64,
     pub(super) cost: f64,
-    /// Of a wanted estimate: the belief about the trajectory given the data before.
+    /// The belief of a wanted estimate about the trajectory, given the data before.
     pub(super) kept: Kept,
 }
 
@@ -200,6 +202,7 @@ crate::memory!(Linear {
     link,
     factor,
     weighed,
+    residual,
     weight,
     cost,
     kept
@@ -227,6 +230,7 @@ impl Linear {
             &mut self.p,
             &mut self.factor,
             &mut self.weighed,
+            &mut self.residual,
         ];
         lists.into_iter().for_each(Vec::clear);
         self.before.clear();
@@ -283,7 +287,7 @@ impl Replayed {
                 at(posterior, &mut linear);
             }
             Step::Corrected { offered, .. } => {
-                linear.operation = Operation::Measure(offered.clone());
+                linear.operation = Operation::Measure((**offered).clone());
                 linear.link = Link::of(step).unwrap_or_default();
             }
         }

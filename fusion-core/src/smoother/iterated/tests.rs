@@ -124,6 +124,17 @@ impl Rig {
         self.hear();
     }
 
+    /// The estimates of the iteration by Cholesky factorisation.
+    #[cfg(feature = "faer")]
+    fn batch(self) -> (Vec<Belief>, Convergence) {
+        let (mut batch, how) = self.iterated.by_cholesky().unwrap().smooth(tape()).unwrap();
+        let mut all = Vec::new();
+        while let Some(belief) = batch.read().unwrap() {
+            all.push(belief.clone());
+        }
+        (all, how)
+    }
+
     /// The estimates of both smoothers, and how the iteration ended.
     fn smoothed(self) -> (Vec<Belief>, Vec<Belief>, Convergence) {
         let (mut plain, (mut iterated, how)) = (self.plain.smooth(tape()).unwrap(), self.iterated.smooth(tape()).unwrap());
@@ -266,7 +277,7 @@ fn is_most_probable(smoothed: &[Belief], values: &[Option<f64>], knee: f64) {
         assert!((pair[1].x[0] - moved[0]).abs() < 1e-9);
     }
     let slope = slope(&unknown(smoothed), values, knee);
-    // The information of an unknown is below 1e4 of its own σ: 1e-6 σ is a slope of 1e-2 at most.
+    // The information of an unknown, in units of its σ, is below 1e4: 1e-6 σ is a slope of 1e-2 at most.
     assert!(slope < 1e-2, "{slope}");
 }
 
@@ -311,4 +322,26 @@ fn a_robust_loss_is_weighed_at_the_smoothed_states() {
     assert!(how.is_converged, "{how:?}");
     is_most_probable(&again, &values, 1.5);
     assert!(slope(&unknown(&again), &values, f64::INFINITY) > 1.0, "the loss has an effect");
+}
+
+#[cfg(feature = "faer")]
+#[test]
+fn cholesky_factorisation_ends_at_the_same_estimates() {
+    let logs: [fn() -> Rig; 3] = [
+        || swinging(1.2, Quadratic, 0.0).0,
+        || swinging(2.0, Quadratic, 0.0).0,
+        || swinging(0.8, Huber::new(1.5), 0.7).0,
+    ];
+    for log in logs {
+        let (_, iterated, _) = log().smoothed();
+        let (batch, how) = log().batch();
+        assert!(how.is_converged, "{how:?}");
+        for (a, b) in iterated.iter().zip(&batch) {
+            for k in 0..2 {
+                let sigma = a.covariance.variance(k).sqrt();
+                // Each is within 1e-6 σ of the optimum.
+                assert!((a.x[k] - b.x[k]).abs() < 2e-6 * sigma, "{:?} {:?}", a.x, b.x);
+            }
+        }
+    }
 }
