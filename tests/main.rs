@@ -94,6 +94,9 @@ mod new;
 /// Observability along a motion: published ranks, and the motion that identifies a state.
 #[path = "suite/observability.rs"]
 mod observability;
+/// The maximum a posteriori of a log, found in two ways.
+#[path = "suite/optimum.rs"]
+mod optimum;
 /// Closed forms of inertial navigation: drift, coning, clean data, the wrap of the heading.
 #[path = "suite/oracles.rs"]
 mod oracles;

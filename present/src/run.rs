@@ -8,7 +8,7 @@ use super::sensors::{count_columns, counted, counts, residual_rows, row_name};
 use super::trajectory;
 use crate::Shown;
 use fusion::observe::{ConsumerCounts, SensorStatistics};
-use fusion::run::{Current, FinalState, InsideScore, Smoothed, Summary};
+use fusion::run::{Current, FinalState, InsideScore, Iteration, Smoothed, Summary};
 use fusion::score::{Axes, Consistency, ConsistencyVerdict, Convergence, Episodes, Score};
 use fusion::solution::rpy_of;
 use fusion_core::state::{Attitude, Kind, Manifold};
@@ -278,6 +278,11 @@ impl Shown<'_, Summary> {
             }
         }
         all.extend(self.score().into_iter().flat_map(undefined));
+        let iteration = self.smoothed().and_then(|s| s.iteration);
+        all.extend(iteration.filter(|how| !how.is_converged).map(|how| {
+            let distance = how.distance;
+            format!("smoothed: the iteration has not converged; it ended {distance:.1e} σ from the optimum")
+        }));
         let smoothed = self.smoothed().into_iter().filter_map(|s| s.score.as_ref());
         all.extend(smoothed.flat_map(undefined).map(|warning| format!("smoothed: {warning}")));
         for (consumer, count) in self.unused_rows() {
@@ -682,10 +687,28 @@ fn smoothed_errors(how: &Smoothed, score: &Score) -> Section {
         .lag
         .map_or_else(|| "all data".to_owned(), |lag| format!("data of {lag} s after it"));
     let section = errors(score);
-    Section {
+    let section = Section {
         title: format!("{}, each smoothed by {data}", section.title),
         ..section
+    };
+    match &how.iteration {
+        Some(how) => section.note(iteration(how)),
+        None => section,
     }
+}
+
+/// How an iteration of smoothing ended.
+fn iteration(how: &Iteration) -> String {
+    let times = match how.iterations {
+        1 => "once".to_owned(),
+        times => format!("{times} times"),
+    };
+    let end = if how.is_converged {
+        "no state is further than 1e-6 σ from the optimum".to_owned()
+    } else {
+        format!("not converged, {:.1e} σ from the optimum", how.distance)
+    };
+    format!("Linearised {times} at the smoothed states: {end}.")
 }
 
 #[cfg(test)]

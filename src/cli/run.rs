@@ -31,9 +31,20 @@ pub(super) struct RunArgs {
     kernel: Option<Kernel>,
     /// Smooths the estimates by all data of the log, and scores them too. With `--out` it writes smoothed.csv, with the
     /// columns and epochs of estimates.csv. Until the end of the log the filter's steps are kept in `memory`, or on
-    /// `disk` in the folder of `--out`. The default is `disk` with `--out`, otherwise `memory`.
-    #[arg(long, value_enum, value_name = "disk|memory", require_equals = true, hide_possible_values = true)]
+    /// `disk` in the folder of `--out`. The default is `disk` with `--out`, otherwise `memory`. `iterate` linearises the
+    /// models again at the smoothed states until these do not change: the maximum a posteriori.
+    #[arg(
+        long,
+        value_enum,
+        value_name = "disk|memory|iterate",
+        require_equals = true,
+        hide_possible_values = true
+    )]
     smooth: Option<Option<SmoothArg>>,
+    /// As `--smooth=iterate`, by sparse Cholesky factorisation of the normal equations of the whole log, in memory: an
+    /// independent check. The program has to be built with the feature `faer`.
+    #[arg(long, conflicts_with = "smooth")]
+    batch: bool,
     /// With `order = "rewind"`: estimates.csv holds the current estimates, before later rows changed them, and
     /// revised.csv the revised estimates. Without it, current.csv and estimates.csv hold them.
     #[arg(long, requires = "out")]
@@ -70,17 +81,21 @@ pub(super) fn period(text: &str) -> Result<Duration, String> {
     Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string())
 }
 
-/// Where steps are kept for smoothing.
+/// Where steps are kept for smoothing, or how often the models are linearised.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum SmoothArg {
     Disk,
     Memory,
+    Iterate,
 }
 
 impl RunArgs {
     fn smoothing(&self) -> Smoothing {
         match (self.smooth, &self.out) {
+            (None, _) if self.batch => Smoothing::Batch,
             (None, _) => Smoothing::Declared,
+            (Some(Some(SmoothArg::Iterate)), None) => Smoothing::Iterated(Keep::Memory),
+            (Some(Some(SmoothArg::Iterate)), Some(_)) => Smoothing::Iterated(Keep::Disk),
             (Some(Some(SmoothArg::Memory)), _) | (Some(None), None) => Smoothing::Whole(Keep::Memory),
             (Some(Some(SmoothArg::Disk)), _) | (Some(None), Some(_)) => Smoothing::Whole(Keep::Disk),
         }

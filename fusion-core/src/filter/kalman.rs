@@ -8,9 +8,10 @@ use super::fixes::Fixes;
 use super::own::OwnDynamics;
 use super::protect::Protection;
 use super::reacquire::Growing;
+use super::replay::coast;
 use super::rule::{Innovation, Problem, UpdateRule};
 use super::sigma::SigmaSpread;
-use super::step::Step;
+use super::step::{Cause, Offered, Step};
 use crate::belief::{Belief, Past};
 use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form, Kernel};
@@ -242,7 +243,8 @@ impl Filter {
                 self.predict_covariance(dt)
             }
             (Drive::Nothing(gap), _) => {
-                self.coast_step(gap);
+                let Belief { x, input, .. } = &mut self.belief;
+                coast(self.process.as_ref(), gap, x, input, &mut self.transition);
                 self.predict_covariance(dt)
             }
         };
@@ -256,21 +258,14 @@ impl Filter {
         self.belief.time = to;
         self.keep(prior, |f, prior| Step::Predicted {
             prior,
+            cause: match drive {
+                Drive::Input(_) => Cause::Input { duration: dt },
+                Drive::Nothing(gap) => Cause::Gap(*gap),
+            },
             transition: f.transition.clone(),
             posterior: f.belief.clone(),
         });
         true
-    }
-
-    /// Moves the state through a part of a gap; a process that cannot coast holds its latest sample.
-    fn coast_step(&mut self, gap: &Gap) {
-        let (process, x) = (&self.process, &mut self.belief.x);
-        let (motion, sample) = self.belief.input.coast(process.as_ref(), x);
-        if !process.coast(x, gap, motion, sample, &mut self.transition) {
-            let (held, dt) = (Input::held(sample), gap.duration());
-            process.linearise(x, &held, dt, &mut self.transition);
-            process.propagate(x, &held, dt);
-        }
     }
 
     /// The blocks' own dynamics, and P by the transition. Returns false, with P as before, if P is not sound. The
@@ -485,6 +480,7 @@ impl Filter {
             let (m, n, w) = (f.work.rows, f.layout.dim(), &f.work.work);
             Step::Corrected {
                 prior,
+                offered: Box::new(Offered::of(observed, &f.work.input_change[..m])),
                 jacobian: f.work.jacobian.clone(),
                 noise: f.work.noise[..m * m].to_vec(),
                 residual: f.work.effective[..m].to_vec(),
@@ -645,6 +641,7 @@ impl Estimator for Filter {
             let posterior = f.belief.clone();
             Step::Predicted {
                 prior,
+                cause: Cause::Renewal,
                 transition,
                 posterior,
             }

@@ -18,6 +18,7 @@ mod outright;
 mod own;
 mod protect;
 mod reacquire;
+mod replay;
 mod rule;
 mod sigma;
 mod starts;
@@ -31,9 +32,11 @@ pub use iterated::Iterated;
 pub use kalman::{Filter, Parts};
 pub use lateness::Lateness;
 pub use outright::Outright;
+pub(crate) use replay::Replay;
+pub use replay::SensorModel;
 pub use rule::{Innovation, Problem, Single, UpdateRule};
 pub use sigma::{SigmaPoints, SigmaSpread};
-pub use step::Step;
+pub use step::{Cause, Offered, Step};
 pub use unscented::Unscented;
 
 #[cfg(test)]

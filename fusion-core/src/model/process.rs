@@ -68,6 +68,14 @@ impl LastInput {
         }
     }
 
+    /// This input at the beginning of a step through a gap, with the motion that is known at its end.
+    pub(crate) fn with_motion_of(&self, later: &Self) -> Self {
+        Self {
+            motion: later.motion.clone(),
+            ..self.clone()
+        }
+    }
+
     /// Whether the motion at the beginning of a gap is known.
     pub(crate) const fn is_coasting(&self) -> bool {
         !self.motion.is_empty()

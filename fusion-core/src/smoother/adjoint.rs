@@ -7,6 +7,7 @@ use crate::chart::{Chart, Reset};
 use crate::covariance::axpy;
 use crate::filter::Parts;
 use crate::linear::{BlockMatrix, padded};
+use crate::math;
 use crate::memory::{Memory, Tape};
 use crate::state::Layout;
 use std::sync::Arc;
@@ -131,7 +132,12 @@ pub(super) struct Corrector {
     product: Vec<f64>,
     less: Vec<f64>,
     whole: Vec<f64>,
+    /// The largest correction of a state by the latest call, in its σ afterwards.
+    pub(super) change: f64,
 }
+
+/// The rounding of P − PΛP, as a part of P.
+const ROUNDING: f64 = 1e-14;
 
 impl Memory for Corrector {
     fn remember(&mut self, tape: &mut Tape<'_>) {
@@ -157,6 +163,7 @@ impl Corrector {
             product: vec![0.0; n * ld],
             less: vec![0.0; n * ld],
             whole: vec![0.0; n * n],
+            change: 0.0,
             layout,
             chart: parts.chart.clone(),
             started: Vec::new(),
@@ -182,6 +189,11 @@ impl Corrector {
 
     /// The estimate `kept` given the data that `later` sums up, into `out`.
     pub(super) fn correct(&mut self, kept: &Kept, later: &Adjoint, out: &mut Belief) {
+        self.correct_about(kept, (&[], None), later, out);
+    }
+
+    /// The same if the mean of the error about `kept` is `mean`, empty for zero, or if its smoothed error is `known`.
+    pub(super) fn correct_about(&mut self, kept: &Kept, (mean, known): (&[f64], Option<&[f64]>), later: &Adjoint, out: &mut Belief) {
         let (n, ld) = (later.n, later.ld);
         out.time = kept.time;
         out.x.clone_from(&kept.x);
@@ -193,19 +205,24 @@ impl Corrector {
                 self.p[j * ld + i] = value;
             }
         }
-        if later.is_zero {
+        if later.is_zero && mean.is_empty() {
             pack(&self.p, &mut self.whole, n, ld);
             out.covariance.set_whole(&self.whole);
             return;
         }
         for (i, d) in self.correction.iter_mut().enumerate() {
-            *d = -dot(&self.p[i * ld..i * ld + n], &later.vector);
+            *d = mean.get(i).copied().unwrap_or(0.0) - dot(&self.p[i * ld..i * ld + n], &later.vector);
         }
+        known.into_iter().for_each(|known| self.correction.copy_from_slice(known));
         // P − (PΛ)P
         multiply(&self.p, &later.matrix, &mut self.product, n, ld);
         multiply(&self.product, &self.p, &mut self.less, n, ld);
         self.less.iter_mut().zip(&self.p).for_each(|(less, p)| *less = p - *less);
         symmetrise(&mut self.less, n, ld);
+        let variances = (0..n).map(|i| i * ld + i).map(|at| self.less[at].max(ROUNDING * self.p[at]));
+        let squares = self.correction.iter().zip(variances).filter(|(_, variance)| *variance > 0.0);
+        let largest = squares.map(|(d, variance)| d * d / variance).fold(0.0, f64::max);
+        self.change = math::sqrt(largest);
         pack(&self.less, &mut self.whole, n, ld);
         self.reset.reset();
         let (layout, by) = (&self.layout, &mut self.reset);

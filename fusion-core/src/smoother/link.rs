@@ -3,7 +3,7 @@
 use super::record::{Reader, Unreadable, put};
 use crate::covariance::{axpy, cholesky, solve_lower};
 use crate::filter::Step;
-use crate::linear::BlockMatrix;
+use crate::linear::{BlockMatrix, Jacobian};
 use crate::time::Time;
 
 /// A step of the filter as a smoother takes it: how it carries errors, M = (I + D)(I − K̃H̃), and what it learns.
@@ -61,7 +61,7 @@ impl Link {
         self.changes.iter().all(is_inside) && [self.h.len(), self.k.len(), self.r.len()] == [size, size, self.rows]
     }
 
-    fn changed(&mut self, matrix: &BlockMatrix) {
+    pub(super) fn changed(&mut self, matrix: &BlockMatrix) {
         self.changes.extend(matrix.changes());
     }
 
@@ -77,12 +77,19 @@ impl Link {
         else {
             return;
         };
-        let (m, n) = (residual.len(), gain.len() / residual.len().max(1));
+        let m = residual.len();
         let mut l = vec![0.0; m * m];
         // Only what had a factor corrects anything.
         if !cholesky(innovation, &mut l, m) {
             return;
         }
+        self.learn(jacobian, &l, gain, residual);
+        reset.iter().for_each(|reset| self.changed(reset));
+    }
+
+    /// A measurement with the factor `l` of S and Kᵀ in `gain`, m×n, row by row.
+    pub(super) fn learn(&mut self, jacobian: &Jacobian, l: &[f64], gain: &[f64], residual: &[f64]) {
+        let (m, n) = (residual.len(), gain.len() / residual.len().max(1));
         self.rows = m;
         for i in 0..m {
             self.h.extend_from_slice(&jacobian.row(i)[..n]);
@@ -99,8 +106,7 @@ impl Link {
             row.iter_mut().for_each(|v| *v /= l[i * m + i]);
         }
         self.r.extend_from_slice(residual);
-        solve_lower(&l, &mut self.r, m);
-        reset.iter().for_each(|reset| self.changed(reset));
+        solve_lower(l, &mut self.r, m);
     }
 
     /// out ← Mᵀ X; X and out have n rows of `ld`, `room` holds m of them.
@@ -121,6 +127,12 @@ impl Link {
         for &(i, j, value) in &self.changes {
             axpy(value, part(x, j.into(), ld), part_mut(out, i.into(), ld));
         }
+    }
+
+    /// Elements of Φ − I: row, column, value.
+    #[cfg(feature = "faer")]
+    pub(super) fn changes(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.changes.iter().map(|&(i, j, change)| (i.into(), j.into(), change))
     }
 
     /// Rows m of the measurement; 0 for a prediction.

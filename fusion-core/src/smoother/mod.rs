@@ -35,16 +35,19 @@
 //! A restarted filter has no information about earlier errors. So every start begins a new piece, and
 //! each piece is smoothed separately. Φ and H are the filter's own, taken at its estimates.
 //!
-//! [`FixedInterval`] uses all data of a log, [`FixedLag`] the data up to a time after the estimate.
+//! [`FixedInterval`] uses all data of a log, [`FixedLag`] the data up to a time after the estimate. Both linearise once, at
+//! the filter's estimates. [`IteratedInterval`] linearises again at the smoothed states, until they do not change.
 
 mod adjoint;
 mod interval;
+mod iterated;
 mod lag;
 mod link;
 mod record;
 mod tape;
 
 pub use interval::{FixedInterval, Smoothed};
+pub use iterated::{Convergence, IteratedInterval, Optimum, Replayed, Unsound};
 pub use lag::FixedLag;
 pub use link::Link;
 pub use record::Unreadable;

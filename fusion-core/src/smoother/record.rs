@@ -118,9 +118,14 @@ impl Kept {
         self.time = belief.time;
         self.x.clone_from(&belief.x);
         self.input.clone_from(&belief.input);
+        pack_lower(&belief.covariance, &mut self.p);
+    }
+
+    /// Becomes an empty record that keeps its memory.
+    pub(super) fn clear(&mut self) {
+        self.x.clear();
         self.p.clear();
-        let (p, n) = (&belief.covariance, belief.covariance.dim());
-        self.p.extend((0..n).flat_map(|i| (0..=i).map(move |j| p.element(i, j))));
+        self.input = LastInput::default();
     }
 
     /// The belief itself.
@@ -161,6 +166,12 @@ impl Kept {
         self.input.interval = from.number()?;
         Ok(())
     }
+}
+
+/// The lower triangle of P, row by row, into `lower`.
+pub(super) fn pack_lower(p: &Covariance, lower: &mut Vec<f64>) {
+    lower.clear();
+    lower.extend((0..p.dim()).flat_map(|i| (0..=i).map(move |j| p.element(i, j))));
 }
 
 /// The form of smoothed covariances: always whole, for every form of the filter.

@@ -216,6 +216,7 @@ fn rauch_tung_striebel(told: &[Told]) -> Vec<Belief> {
                     prior,
                     transition,
                     posterior,
+                    ..
                 } => {
                     let n = prior.covariance.dim();
                     let phi = DMatrix::from_fn(n, n, |i, j| transition.phi.get(i, j));

@@ -1,7 +1,7 @@
 //! Smoothing of the outermost filter of a run, for separate observers.
 //!
 //! ```text
-//! run ─▶ Smoother: steps, estimates that are asked for ─▶ FixedInterval or FixedLag
+//! run ─▶ Smoother: steps, estimates that are asked for ─▶ FixedInterval, IteratedInterval or FixedLag
 //!                                                              │ smoothed, in order of time
 //!            smoothed.csv, score ◀─ Hub of its own ◀───────────┘
 //! ```
@@ -14,7 +14,7 @@ use fusion_core::belief::Belief;
 use fusion_core::filter::Step;
 use fusion_core::memory::{self, Memory};
 use fusion_core::runner::{Event, Halt, Observer};
-use fusion_core::smoother::{FixedInterval, FixedLag, Link, Tape};
+use fusion_core::smoother::{Convergence, FixedInterval, FixedLag, IteratedInterval, Link, Replayed, Tape};
 use fusion_core::time::Time;
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -27,8 +27,45 @@ pub struct Smoothed {
     /// Number of smoothed estimates: those with a row in smoothed.csv, and those around an epoch of the
     /// reference.
     pub estimates: u64,
+    /// How the iteration ended; `None` if the models were linearised at the filter's estimates alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub iteration: Option<Iteration>,
     /// Their score against the reference.
     pub score: Option<Score>,
+}
+
+/// How an iteration of smoothing ended.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Iteration {
+    /// Linearisations of the whole log.
+    pub iterations: u32,
+    /// Steps that were shortened because they did not lower the cost.
+    pub shortened: u32,
+    /// The largest distance of a state from the optimum, in its smoothed σ, by the last two changes.
+    pub distance: f64,
+    /// The sum of the squares of residuals, noise and initial error, each in its σ.
+    pub cost: f64,
+    /// Whether that distance is below a millionth of σ.
+    pub is_converged: bool,
+}
+
+impl From<Convergence> for Iteration {
+    fn from(found: Convergence) -> Self {
+        let Convergence {
+            iterations,
+            shortened,
+            distance,
+            cost,
+            is_converged,
+        } = found;
+        Self {
+            iterations,
+            shortened,
+            distance,
+            cost,
+            is_converged,
+        }
+    }
 }
 
 impl Section for Smoothed {
@@ -48,6 +85,8 @@ impl Summary {
 pub enum By {
     /// All of the log; the tape is for smoothed estimates.
     All(Box<FixedInterval>, Tape),
+    /// All of the log, linearised at the smoothed states; the tape is for the way back.
+    Iterated(Box<IteratedInterval>, Tape),
     /// The data up to a lag after the estimate \[s\].
     Lag(Box<FixedLag>, f64),
 }
@@ -61,7 +100,7 @@ pub(crate) struct Smoother<'a> {
     rows: Option<Thinning>,
     /// The estimate before the latest, if it may still be asked for, and the steps after it.
     previous: Option<Asked>,
-    between: Vec<Link>,
+    between: Vec<Taken>,
     /// The latest estimate, until the next step.
     latest: Option<Asked>,
     /// Starts of the filter after which no smoothed estimate was reported yet.
@@ -69,6 +108,29 @@ pub(crate) struct Smoother<'a> {
     smoothed: u64,
     /// An example of the filter's belief.
     blank: Belief,
+}
+
+/// A step as the smoother takes it.
+#[derive(Debug)]
+enum Taken {
+    Link(Link),
+    Replayed(Box<Replayed>),
+}
+
+impl Default for Taken {
+    fn default() -> Self {
+        Self::Link(Link::default())
+    }
+}
+
+/// Only links are saved, because only smoothing with a lag is.
+impl Memory for Taken {
+    fn remember(&mut self, tape: &mut memory::Tape<'_>) {
+        match self {
+            Self::Link(link) => link.remember(tape),
+            Self::Replayed(_) => tape.refuse("smoothing by the whole log cannot be saved"),
+        }
+    }
 }
 
 /// An estimate, and whether it is asked for.
@@ -97,15 +159,21 @@ impl<'a> Smoother<'a> {
     }
 
     fn step(&mut self, step: &Step) -> Result<(), Halt> {
-        let Some(link) = Link::of(step) else { return Ok(()) };
+        let taken = match &self.by {
+            By::Iterated(..) => Taken::Replayed(Box::new(Replayed::of(step))),
+            By::All(..) | By::Lag(..) => match Link::of(step) {
+                Some(link) => Taken::Link(link),
+                None => return Ok(()),
+            },
+        };
         if self.latest.is_some() {
             self.settle()?;
         }
         if self.previous.is_some() {
-            self.between.push(link);
+            self.between.push(taken);
             return Ok(());
         }
-        self.hand_on(link)
+        self.hand_on(taken)
     }
 
     fn estimate(&mut self, belief: &Belief) -> Result<(), Halt> {
@@ -133,20 +201,23 @@ impl<'a> Smoother<'a> {
         {
             match &mut self.by {
                 By::All(interval, _) => interval.estimate(&asked.belief)?,
+                By::Iterated(interval, _) => interval.estimate(&asked.belief)?,
                 By::Lag(lag, _) => lag.estimate(&asked.belief),
             }
         }
         let mut between = core::mem::take(&mut self.between);
-        between.drain(..).try_for_each(|link| self.hand_on(link))?;
+        between.drain(..).try_for_each(|taken| self.hand_on(taken))?;
         self.between = between;
         self.previous = self.latest.take();
         Ok(())
     }
 
-    fn hand_on(&mut self, link: Link) -> Result<(), Halt> {
-        match &mut self.by {
-            By::All(interval, _) => interval.step(&link),
-            By::Lag(lag, _) => lag.step(link, &mut told(&mut self.hub, &mut self.starts, &mut self.smoothed)),
+    fn hand_on(&mut self, taken: Taken) -> Result<(), Halt> {
+        match (&mut self.by, taken) {
+            (By::All(interval, _), Taken::Link(link)) => interval.step(&link),
+            (By::Lag(lag, _), Taken::Link(link)) => lag.step(link, &mut told(&mut self.hub, &mut self.starts, &mut self.smoothed)),
+            (By::Iterated(interval, _), Taken::Replayed(step)) => interval.step(*step),
+            _ => Ok(()),
         }
     }
 
@@ -155,6 +226,7 @@ impl<'a> Smoother<'a> {
         self.starts.push_back(belief.time);
         match &mut self.by {
             By::All(interval, _) => interval.start(belief),
+            By::Iterated(interval, _) => interval.start(belief),
             By::Lag(lag, _) => lag.start(belief, &mut told(&mut self.hub, &mut self.starts, &mut self.smoothed)),
         }
     }
@@ -264,24 +336,32 @@ impl SectionObserver for Smoother<'_> {
             ..
         } = *self;
         let mut tell = told(&mut hub, &mut starts, &mut smoothed);
-        let lag = match by {
-            By::Lag(mut smoother, lag) => {
+        let (mut lag, mut iteration) = (None, None);
+        match by {
+            By::Lag(mut smoother, by) => {
                 smoother.finish(&mut tell)?;
-                Some(lag)
+                lag = Some(by);
             }
             By::All(interval, turned) => {
                 let mut beliefs = interval.smooth(turned)?;
                 while let Some(belief) = beliefs.read()? {
                     tell(belief)?;
                 }
-                None
             }
-        };
+            By::Iterated(interval, back) => {
+                let (mut beliefs, found) = interval.smooth(back)?;
+                iteration = Some(found.into());
+                while let Some(belief) = beliefs.read()? {
+                    tell(belief)?;
+                }
+            }
+        }
         drop(tell);
         hub.finish()?;
         let section = Smoothed {
             lag,
             estimates: smoothed,
+            iteration,
             score: hub.sections(end)?.score().cloned(),
         };
         Ok(section.into())

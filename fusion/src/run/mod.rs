@@ -11,7 +11,7 @@ mod saving;
 mod sections;
 mod smoothing;
 
-pub use crate::observe::{Counts, Failures, FinalState, InsideScore, Smoothed, Start, Summary, UnusedRows};
+pub use crate::observe::{Counts, Failures, FinalState, InsideScore, Iteration, Smoothed, Start, Summary, UnusedRows};
 pub use crate::rows::{KeptRows, SourceStatistics};
 pub use advice::{Advisor, Finding, Ignored, Rule};
 pub use faults::FaultWindow;
@@ -49,6 +49,12 @@ pub enum Smoothing {
     Never,
     /// By all data of the log; the data for smoothing are kept until the end.
     Whole(Keep),
+    /// By all data of the log, with the models linearised again at the smoothed states until these do not change: the
+    /// maximum a posteriori.
+    Iterated(Keep),
+    /// The same maximum by sparse Cholesky factorisation of the normal equations of the whole log, in memory. It needs the
+    /// feature `faer`.
+    Batch,
 }
 
 /// Where the data for smoothing are kept until the end of a run.

@@ -97,7 +97,7 @@ impl<'o> Saving<'o> {
         if saving.is_idle() {
             return Ok(saving);
         }
-        if matches!(options.smooth, Smoothing::Whole(_)) {
+        if matches!(options.smooth, Smoothing::Whole(_) | Smoothing::Iterated(_) | Smoothing::Batch) {
             let help = "smooth with a lag, `smooth` under `[run]`, or run without checkpoints";
             let error = Diagnostic::error("a run that is smoothed by all of its log cannot be saved: its steps are as long as the log");
             return Err(error.help(help).into());

@@ -6,8 +6,8 @@ use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::By;
-use fusion_core::filter::Parts;
-use fusion_core::smoother::{FixedInterval, FixedLag, Shelf, Tape};
+use fusion_core::filter::{Parts, SensorModel};
+use fusion_core::smoother::{FixedInterval, FixedLag, IteratedInterval, Shelf, Tape};
 use fusion_core::time::nanos;
 
 /// The data used to smooth a run.
@@ -17,6 +17,10 @@ pub(super) enum Planned {
     Lag(f64),
     /// All of the log.
     Whole(Keep),
+    /// All of the log, linearised at the smoothed states.
+    Iterated(Keep),
+    /// The same by Cholesky factorisation.
+    Batch,
 }
 
 impl Planned {
@@ -25,6 +29,8 @@ impl Planned {
         match options.smooth {
             Smoothing::Never => None,
             Smoothing::Whole(keep) => Some(Self::Whole(keep)),
+            Smoothing::Iterated(keep) => Some(Self::Iterated(keep)),
+            Smoothing::Batch => Some(Self::Batch),
             Smoothing::Declared => design.run.smooth.map(|smooth| Self::Lag(smooth.lag.si())),
         }
     }
@@ -39,7 +45,8 @@ impl Planned {
         let layout = assembly.layout.clone();
         let keep = match self {
             Self::Lag(lag) => return Ok(By::Lag(Box::new(FixedLag::new(layout, &parts, nanos(lag))), lag)),
-            Self::Whole(keep) => keep,
+            Self::Whole(keep) | Self::Iterated(keep) => keep,
+            Self::Batch => Keep::Memory,
         };
         let tape = |name: &str| -> Result<Tape, Diagnostics> {
             let shelf: Box<dyn Shelf> = match keep {
@@ -48,9 +55,28 @@ impl Planned {
             };
             Ok(Tape::new(shelf))
         };
+        if matches!(self, Self::Iterated(_) | Self::Batch) {
+            let sensors = assembly.runner.sensors().iter().map(|s| SensorModel {
+                model: s.model.clone(),
+                offset: s.offset.as_ref().map(|offset| offset.value.clone()),
+                loss: s.loss.clone(),
+            });
+            let mut interval = IteratedInterval::new(layout, assembly.process.clone(), &parts, sensors.collect(), tape("steps")?);
+            if self == Self::Batch {
+                interval = interval.by_cholesky().ok_or_else(no_cholesky)?;
+            }
+            return Ok(By::Iterated(Box::new(interval), tape("smoothed")?));
+        }
         let interval = FixedInterval::new(layout, &parts, tape("steps")?);
         Ok(By::All(Box::new(interval), tape("smoothed")?))
     }
+}
+
+fn no_cholesky() -> Diagnostics {
+    let error = Diagnostic::error("`--batch` needs a program that is built with the feature `faer`");
+    error
+        .help("build it with `--features faer`, or use `--smooth=iterate`, which ends at the same estimate")
+        .into()
 }
 
 fn no_folder() -> Diagnostics {

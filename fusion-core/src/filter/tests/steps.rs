@@ -60,6 +60,7 @@ fn kept_steps_lead_from_belief_to_belief() {
                 prior,
                 transition,
                 posterior,
+                ..
             },
         ] = f.steps()
         else {
@@ -95,6 +96,7 @@ fn kept_steps_lead_from_belief_to_belief() {
                 correction,
                 reset: None,
                 posterior,
+                ..
             },
         ] = f.steps()
         else {
