@@ -5,7 +5,7 @@ use fusion_models::block::BuildError;
 
 impl Node {
     /// The error of a block declared by this table: at the field it names, or at the table's name.
-    pub(crate) fn locate(&self, error: &BuildError) -> Diagnostic {
+    pub fn locate(&self, error: &BuildError) -> Diagnostic {
         let place = match error.field.as_str() {
             "" => self.name_place(),
             field => self.place_of(field),

@@ -412,6 +412,7 @@ impl RunObserver for Follower<'_> {
                     prior,
                     transition,
                     posterior,
+                    ..
                 }) => self.predicted(prior, transition, posterior),
                 Event::Step(step @ Step::Corrected { prior, .. }) => self.corrected(prior, step),
                 _ => {}

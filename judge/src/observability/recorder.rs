@@ -138,7 +138,7 @@ impl Recorder {
             Step::Predicted {
                 transition,
                 posterior,
-                prior: _,
+                ..
             } => {
                 let before: Vec<Change> = transition.noise_before().collect();
                 let mut after: Vec<Change> = transition.noise_after().collect();
