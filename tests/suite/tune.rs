@@ -4,7 +4,7 @@ use crate::real::data;
 use crate::support::{Workspace, stderr, stdout};
 use fusion::Selection;
 use fusion::run::{KeptRows, Options};
-use fusion_judge::tune::{Log, Settings, Tuned, tune};
+use fusion_judge::tune::{Log, Outage, Settings, Tuned, tune};
 use std::path::Path;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -162,6 +162,108 @@ fn outliers_behind_a_gate_do_not_widen_the_noise() {
     let found = tuned("configs/ins-gps.toml", &["sensor.position.noise"], &[outliers], None);
     let (factor, _) = factor(&found, "sensor.position.noise").unwrap();
     assert!((0.85..1.25).contains(&factor), "{factor}");
+}
+
+/// Six times the truth: gyro noise shows in a drive of three minutes only as a limit.
+#[test]
+fn a_noise_that_is_refuted_but_not_identifiable_has_the_limit_that_the_log_does_not_refute() {
+    let with = |factor: f64| {
+        let noise = format!("process.gyro.noise={} deg/sqrt(h)", 0.125 * factor);
+        let seed = "run.seed=61";
+        tuned("configs/ins-gps.toml", &["gyro.noise"], &[&noise, seed], None).found[0].clone()
+    };
+    let found = with(10.0);
+    assert!(found.is_refuted && !found.is_identifiable(), "{found:?}");
+    let limit = 10.0 * found.factor;
+    assert!((1.0..10.0).contains(&limit), "{limit}");
+    // The search knows the limit to a sixteenth of the way, in logarithms, from the flat part to ten times: within a half.
+    assert!(!with(0.8 * limit).is_refuted, "{limit}");
+    assert!(with(1.5 * limit).factor < 1.0, "{limit}");
+}
+
+/// A gyro noise that is ten times too small: the next row hardly shows it, the first row after an outage does.
+#[test]
+fn rows_after_outages_join_the_likelihood_and_judge_the_result() {
+    let small = "process.gyro.noise=0.0125 deg/sqrt(h)";
+    let with = |outage: Option<Outage>| {
+        let settings = Settings {
+            outage,
+            ..Settings::default()
+        };
+        tuned_with(&settings, "configs/ins-gps.toml", &["gyro.noise"], &[small, "run.seed=61"], None)
+    };
+    let (without, found) = (with(None), with(Some(outage(15.0, None))));
+    assert!(without.coasting.is_empty());
+    let sensors: Vec<&str> = found.coasting.iter().map(|own| own.sensor.as_str()).collect();
+    assert_eq!(sensors, ["position", "velocity"]);
+    for own in &found.coasting {
+        // Half of the log of three minutes is in outages of one replay, the other half in those of the other one.
+        assert!((6..=11).contains(&own.outages), "{own:?}");
+        assert!(own.declared > 0.0 && own.found > 0.0, "{own:?}");
+    }
+    assert!(found.coasting.iter().map(|own| own.nats).sum::<f64>() > 0.0 && !found.is_worse_after_outages, "{found:?}");
+    let (log, log_without) = (found.log_likelihood, without.log_likelihood);
+    assert!((log - log_without).abs() > 1.0, "rows after outages count: {log} and {log_without}");
+}
+
+fn outage(duration: f64, of: Option<&str>) -> Outage {
+    Outage {
+        duration,
+        of: of.map(str::to_owned),
+    }
+}
+
+#[test]
+fn an_outage_that_does_not_fit_or_has_no_instrument_is_an_error() {
+    let w = Workspace::new("tune-outage");
+    let design = format!("{ROOT}/configs/ins-gps.toml");
+    let long = w.fusion(&["tune", &design, "--outage", "10 min"]).code(2);
+    assert!(stderr(&long).contains("no outage of 600 s fits into the log"), "{}", stderr(&long));
+    let other = w.fusion(&["tune", &design, "--outage", "gnns=10 s"]).code(2);
+    assert!(stderr(&other).contains("no instrument has this name"), "{}", stderr(&other));
+}
+
+/// The velocity of the simulated receiver is four times worse in every other quarter of a minute.
+#[test]
+fn a_noise_that_changes_along_the_log_covers_the_declared_share_of_it() {
+    let worse = "simulation.sensor.velocity.fault.worse={ type = \"noise\", channel = \"velocity\", sigma = \"0.2 m/s\", \
+                 window = { from = \"15 s\", duration = \"15 s\", every = \"30 s\" } }";
+    let with = |cover: Option<f64>| {
+        let settings = Settings {
+            cover,
+            ..Settings::default()
+        };
+        let found = tuned_with(&settings, "configs/ins-gps.toml", &["sensor.velocity.noise"], &[worse], None);
+        0.05 * factor(&found, "sensor.velocity.noise").unwrap().0
+    };
+    let (whole, half, most) = (with(None), with(Some(0.5)), with(Some(0.95)));
+    // Between the two noises of the receiver, 0.05 and 0.21 m/s.
+    assert!((0.05..0.21).contains(&whole), "{whole}");
+    // One half of the parts is above the median, which is the value of the whole.
+    assert!((half / whole - 1.0).abs() < 1e-12, "{half} and {whole}");
+    // The noise of the bad parts; a log-normal law of only two values is wide.
+    assert!((0.18..0.6).contains(&most), "{most}");
+}
+
+/// Both starts climb the same hill: the best end is the same, from whichever it comes.
+#[test]
+fn a_further_start_ends_at_the_same_maximum() {
+    let far = "sensor.velocity.noise.sigma=0.5 m/s";
+    let selection = Selection {
+        set: vec![far.to_owned(), "sensor.velocity.noise.sigma=1 cm/s".to_owned()],
+        ..Selection::default()
+    };
+    let file = Path::new(ROOT).join("configs/ins-gps.toml");
+    let settings = Settings {
+        starts: vec![selection.load(&file).unwrap_or_else(|d| panic!("{d}")).document],
+        ..Settings::default()
+    };
+    let design = "configs/ins-gps.toml";
+    let one = tuned(design, &["sensor.velocity.noise"], &[far], None);
+    let two = tuned_with(&settings, design, &["sensor.velocity.noise"], &[far], None);
+    assert!(two.runs > one.runs, "{} and {}", two.runs, one.runs);
+    // Each search ends within a hundredth of a nat of the maximum.
+    assert!((one.log_likelihood - two.log_likelihood).abs() < 0.02, "{one:?} {two:?}");
 }
 
 #[test]
