@@ -5,12 +5,14 @@ use super::progress::Runs;
 use super::run::period;
 use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
-use fusion::config::Diagnostic;
-use fusion::config::Document;
+use fusion::config::{Diagnostic, Diagnostics, Document, Edit};
+use fusion::design::Design;
 use fusion::examine::{Missing, examine};
 use fusion::provenance::Provenance;
-use fusion::run::{KeptRows, Options};
-use fusion_judge::tune::{Coasting, Found, Independence, Log, Outage, Settings, Tuned, tune as tune_logs};
+use fusion::run::{KeptRows, Options, run};
+use fusion_advice::frames::judge;
+use fusion_judge::likelihood::Difference;
+use fusion_judge::tune::{Coasting, Found, Independence, Log, Outage, Proposal, Settings, Tuned, structure, tune as tune_logs};
 use fusion_tables::{Cell, Column, Page, Section, Table, short};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -48,6 +50,10 @@ pub(super) struct TuneArgs {
     /// Another start of the search: the declared noises with one of them changed, as by `--set`. The best end counts.
     #[arg(long, value_name = "PATH=VALUE")]
     start: Vec<String>,
+    /// Tries the edits of advice in place of noises. Advice sees the first half of the log. An edit is proposed if the
+    /// innovations of the second half are more probable with it.
+    #[arg(long, conflicts_with_all = ["params", "also", "settle", "within", "outage", "cover", "start"])]
+    structure: bool,
     #[command(flatten)]
     fix: FixArgs,
     #[command(flatten)]
@@ -70,6 +76,9 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
             document: design.document.clone(),
             options,
         });
+    }
+    if args.structure {
+        return edits(args, &design, &logs);
     }
     let settings = Settings {
         settle: args.settle.as_secs_f64(),
@@ -106,6 +115,68 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
     }
     args.output.print(&page)?;
     if tuned.is_sound() { Ok(()) } else { Err(Failure::Dependent) }
+}
+
+/// Judges the edits of advice, and writes those that gain likelihood.
+fn edits(args: &TuneArgs, design: &Design, logs: &[Log]) -> Result<(), Failure> {
+    let proposals = logs
+        .first()
+        .map(|log| structure(log, &|half| advised(half, &log.options)))
+        .transpose()?
+        .unwrap_or_default();
+    let mut t = Table::new([
+        Column::text("rule"),
+        Column::text("edit"),
+        Column::number("gain [nats]"),
+        Column::number("1σ"),
+        Column::text(""),
+    ]);
+    for proposal in &proposals {
+        let edits: Vec<String> = proposal.edits.iter().map(ToString::to_string).collect();
+        let verdict = match proposal.is_better() {
+            Some(true) => "proposed",
+            Some(false) => "no gain on unseen rows",
+            None => "a guess: no row can judge it",
+        };
+        let of = |figure: fn(&Difference) -> f64| proposal.gain.as_ref().map_or(Cell::Empty, |gain| Cell::Real(figure(gain)));
+        t.row([
+            Cell::text(&proposal.rule),
+            Cell::text(edits.join("; ")),
+            of(|gain| gain.nats),
+            of(|gain| gain.sigma),
+            Cell::text(verdict),
+        ]);
+    }
+    let section = Section::new("Edits of advice, judged on the second half", [t]);
+    let mut page = Page {
+        title: design.run.description.clone(),
+        provenance: Provenance::of(design, None),
+        warnings: Vec::new(),
+        sections: vec![if proposals.is_empty() {
+            section.note("Advice has no edit for the first half of this log.")
+        } else {
+            section
+        }],
+    };
+    let better = proposals.iter().filter(|proposal| proposal.is_better() == Some(true));
+    let better: Vec<Edit> = better.flat_map(|proposal| proposal.edits.clone()).collect();
+    page.sections.extend(args.fix.write(&args.design, &better)?);
+    args.output.print(&page)?;
+    Ok(())
+}
+
+/// The edits of all rules of advice: those about the frames of recorded data, and those about a run.
+fn advised(design: &Design, options: &Options) -> Result<Vec<Proposal>, Diagnostics> {
+    let mut found = Vec::new();
+    if !design.sources.is_empty() {
+        let judged = judge(design, options, &|_| ())?;
+        let mistakes = judged.mistakes.iter().filter(|mistake| !mistake.corrections().is_empty());
+        found.extend(mistakes.map(|mistake| Proposal::new(mistake.found_by().unwrap_or_default(), mistake.corrections().to_vec())));
+    }
+    let summary = run(design, options, &mut |_| {})?;
+    let findings = summary.findings().iter().filter(|finding| !finding.edits.is_empty());
+    found.extend(findings.map(|finding| Proposal::new(&finding.rule, finding.edits.clone())));
+    Ok(found)
 }
 
 /// The designs of the further starts.

@@ -201,7 +201,10 @@ fn rows_after_outages_join_the_likelihood_and_judge_the_result() {
         assert!((6..=11).contains(&own.outages), "{own:?}");
         assert!(own.declared > 0.0 && own.found > 0.0, "{own:?}");
     }
-    assert!(found.coasting.iter().map(|own| own.nats).sum::<f64>() > 0.0 && !found.is_worse_after_outages, "{found:?}");
+    assert!(
+        found.coasting.iter().map(|own| own.nats).sum::<f64>() > 0.0 && !found.is_worse_after_outages,
+        "{found:?}"
+    );
     let (log, log_without) = (found.log_likelihood, without.log_likelihood);
     assert!((log - log_without).abs() > 1.0, "rows after outages count: {log} and {log_without}");
 }

@@ -29,7 +29,7 @@ pub struct Terms {
     aligned: Option<f64>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Sensor {
     name: String,
     density: Option<Density>,
@@ -61,6 +61,22 @@ impl Terms {
                 })
                 .collect(),
             aligned: None,
+        }
+    }
+
+    /// The time of the rows that count \[s\].
+    pub(crate) fn span(&self) -> (f64, f64) {
+        let times = self.sensors.iter().flat_map(|sensor| self.counted(sensor)).map(|term| term.time);
+        times.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), time| {
+            (from.min(time), to.max(time))
+        })
+    }
+
+    /// Its rows from a time on \[s\].
+    pub(crate) fn after(&self, from: f64) -> Self {
+        Self {
+            aligned: Some(self.aligned.map_or(from, |aligned| aligned.max(from))),
+            sensors: self.sensors.clone(),
         }
     }
 

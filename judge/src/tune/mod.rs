@@ -25,12 +25,14 @@ mod outage;
 mod parameter;
 mod record;
 mod sensitivity;
+mod structure;
 mod trials;
 mod white;
 
 use fusion_core::math;
 pub use outage::{Coasting, Outage};
 pub use parameter::Parameter;
+pub use structure::{Advise, Proposal, structure};
 pub use white::Independence;
 
 use self::climb::{Point, Start, climb};
