@@ -78,7 +78,7 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
         });
     }
     if args.structure {
-        return edits(args, &design, &logs);
+        return edits(args, &design);
     }
     let settings = Settings {
         settle: args.settle.as_secs_f64(),
@@ -118,12 +118,10 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
 }
 
 /// Judges the edits of advice, and writes those that gain likelihood.
-fn edits(args: &TuneArgs, design: &Design, logs: &[Log]) -> Result<(), Failure> {
-    let proposals = logs
-        .first()
-        .map(|log| structure(log, &|half| advised(half, &log.options)))
-        .transpose()?
-        .unwrap_or_default();
+fn edits(args: &TuneArgs, design: &Design) -> Result<(), Failure> {
+    let proposals = structure(&design.document, &args.design.options(), &|half| {
+        advised(half, &args.design.options())
+    })?;
     let mut t = Table::new([
         Column::text("rule"),
         Column::text("edit"),
@@ -357,6 +355,15 @@ fn verdict(tuned: &Tuned, cover: Option<f64>) -> Section {
             ),
         })
     });
+    let section = if tuned.losing.is_empty() {
+        section
+    } else {
+        let losing: Vec<String> = tuned.losing.iter().map(|sensor| format!("`{sensor}`")).collect();
+        section.note(format!(
+            "{} is predicted worse, by more than chance, while others are predicted better: the design lacks a state.",
+            losing.join(", ")
+        ))
+    };
     let section = if tuned.is_worse_after_outages {
         section.note("After outages, these noises predict worse than the declared ones, by more than chance.")
     } else {

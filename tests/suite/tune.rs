@@ -269,6 +269,27 @@ fn a_further_start_ends_at_the_same_maximum() {
     assert!((one.log_likelihood - two.log_likelihood).abs() < 0.02, "{one:?} {two:?}");
 }
 
+/// Accelerometers that are declared in feet, and columns of σ that are not read: the second half judges both edits.
+#[test]
+fn an_edit_of_advice_is_proposed_if_the_half_that_it_has_not_seen_gains() {
+    let Some(data) = data() else { return };
+    let w = Workspace::new("tune-structure");
+    let design = format!("{ROOT}/configs/real/rtklib-drive.toml");
+    let data = data.display().to_string();
+    let with = |sets: &[&str]| {
+        let sets = sets.iter().flat_map(|set| ["--set", set]);
+        let arguments = ["tune", &design, "--data", &data, "--structure", "--format", "json"];
+        let arguments: Vec<&str> = arguments.into_iter().chain(sets).collect();
+        let page: serde_json::Value = serde_json::from_str(&stdout(&w.fusion(&arguments).success())).unwrap();
+        page["sections"][0]["tables"][0]["rows"].as_array().unwrap().clone()
+    };
+    let rows = with(&["source.imu.channels.specific_force.unit=\"ft/s^2\""]);
+    let unit = &rows.iter().find(|row| row["cells"][0] == "unit").unwrap()["cells"];
+    let (nats, sigma) = (unit[2].as_f64().unwrap(), unit[3].as_f64().unwrap());
+    assert!(nats > sigma && sigma > 0.0 && unit[4] == "proposed", "{unit}");
+    assert!(with(&[]).is_empty());
+}
+
 #[test]
 fn a_slow_error_is_no_noise_and_ends_in_a_refusal() {
     let w = Workspace::new("tune-refused");

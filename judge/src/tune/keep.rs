@@ -2,7 +2,7 @@
 
 use super::climb::{Point, climb};
 use super::outage::is_worse;
-use super::trials::{Part, Score, Trials};
+use super::trials::{Gain, Part, Score, Trials};
 use super::{End, PRIOR, all_rows, white};
 use crate::likelihood::difference;
 use fusion::config::Diagnostics;
@@ -90,8 +90,42 @@ fn unseen(trials: &Trials<'_>, point: &Point) -> Result<Vec<(Part, Score)>, Diag
     parts.map(|part| Ok((part, trials.at(&point.without(&part))?))).collect()
 }
 
+/// The gains of each part from the innovations `declared` to those with the noises of the other parts.
+pub(super) fn gains<'a>(trials: &Trials<'_>, declared: impl Iterator<Item = &'a Score>, unseen: &[(Part, Score)]) -> Vec<Gain> {
+    let each = unseen.iter().zip(declared);
+    each.flat_map(|((part, score), declared)| trials.gains(declared, score, &|log, time| part.holds(log, time)))
+        .collect()
+}
+
+/// The sensors that lose more likelihood than the 1σ of this loss. Each innovation has its highest expected likelihood at
+/// the true noises, whatever its sensor. So the gain of one sensor cannot pay for the loss of another: if both are real,
+/// the design lacks a state, and the noise that is found stands for it.
+pub(super) fn losing(trials: &Trials<'_>, gains: &[Gain]) -> Vec<usize> {
+    let is_loss = |sensor: &usize| {
+        let own = difference(None, &sorted(gains, |gain| gain.sensor == *sensor && !gain.is_after_outage));
+        own.nats < -own.sigma
+    };
+    (0..trials.densities.len()).filter(is_loss).collect()
+}
+
+/// Whether a sensor loses, or the rows after outages do.
+fn loses(trials: &Trials<'_>, gains: &[Gain]) -> bool {
+    !losing(trials, gains).is_empty() || is_worse(gains, trials.outage())
+}
+
+/// Time and nats of some gains, in order of time.
+fn sorted(gains: &[Gain], counts: impl Fn(&Gain) -> bool) -> Vec<(f64, f64)> {
+    let mut rows: Vec<(f64, f64)> = gains
+        .iter()
+        .filter(|gain| counts(gain))
+        .map(|gain| (gain.time, gain.nats))
+        .collect();
+    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    rows
+}
+
 /// Gives a noise its declared value back, unless the value that was found gains more likelihood on unseen parts than the
-/// 1σ of this gain, by blocks of time, and loses no prediction over outages by more than the 1σ of this loss.
+/// 1σ of this gain, by blocks of time, and no sensor loses.
 ///
 /// Source     Breiman, Friedman, Olshen, Stone 1984, §3.4.3: of models within one standard error, the simplest
 fn simplest(
@@ -104,22 +138,18 @@ fn simplest(
     const CLEAR: f64 = 10.0;
     let mut best = unseen(trials, &point)?;
     let far = |j: &usize| (point.theta[*j] / sigmas[*j]).abs();
-    // Of outages, another noise may be right than of the next row, however clear that is.
-    let is_clear = |j: &usize| trials.replays.is_empty() && far(j) >= CLEAR;
+    let declared = trials.at(&vec![0.0; point.theta.len()])?;
+    let is_suspect = loses(trials, &gains(trials, std::iter::repeat(&declared), &best));
+    let is_clear = |j: &usize| !is_suspect && far(j) >= CLEAR;
     let mut doubtful: Vec<usize> = point.free().iter().copied().filter(|j| sigmas[*j] <= 1.0 && !is_clear(j)).collect();
     doubtful.sort_by(|a, b| far(a).total_cmp(&far(b)));
     for j in doubtful {
         let other = climb(trials, point.pinned(&[(j, 0.0)]), progress)?;
         let theirs = unseen(trials, &other)?;
-        let (mut rows, mut after_outages) = (Vec::new(), Vec::new());
-        for ((part, declared), (_, found)) in theirs.iter().zip(&best) {
-            rows.extend(trials.gains(declared, found, &|log, time| part.holds(log, time)));
-            after_outages.extend(trials.gains_after_outages(declared, found, &|log, time| part.holds(log, time)));
-        }
-        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let gain = difference(None, &rows);
+        let gains = gains(trials, theirs.iter().map(|(_, declared)| declared), &best);
+        let gain = difference(None, &sorted(&gains, |_| true));
         let is_small = gain.nats <= if gain.sigma.is_nan() { 0.0 } else { gain.sigma };
-        if is_small || is_worse(after_outages, trials.outage()) {
+        if is_small || loses(trials, &gains) {
             (point, best) = (other, theirs);
         }
     }

@@ -148,6 +148,8 @@ pub struct Tuned {
     pub unseen: Vec<f64>,
     /// The prediction over outages, by sensor; empty without outages.
     pub coasting: Vec<Coasting>,
+    /// The sensors that lose more likelihood than chance does, on parts that were not seen.
+    pub losing: Vec<String>,
     /// Whether the prediction over outages loses more likelihood than chance does.
     pub is_worse_after_outages: bool,
     /// Runs made.
@@ -171,10 +173,10 @@ impl Tuned {
         self.unseen.iter().sum()
     }
 
-    /// Whether the result is better where it was not asked, and not worse after outages.
+    /// Whether the result is better where it was not asked, for no sensor worse, and not worse after outages.
     #[must_use]
     pub fn is_better(&self) -> bool {
-        self.is_sound() && self.gain() > 0.0 && !self.is_worse_after_outages
+        self.is_sound() && self.gain() > 0.0 && self.losing.is_empty() && !self.is_worse_after_outages
     }
 
     /// The edits of the design; empty if the innovations are not independent.
@@ -235,11 +237,12 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         }
     }
     let coasting = outage::coasting(&design, &trials, &declared, &unseen);
-    let after_outages = unseen
-        .iter()
-        .flat_map(|(part, score)| trials.gains_after_outages(&declared, score, &|log, time| part.holds(log, time)))
+    let gains = keep::gains(&trials, std::iter::repeat(&declared), &unseen);
+    let is_worse_after_outages = outage::is_worse(&gains, trials.outage());
+    let losing = keep::losing(&trials, &gains)
+        .into_iter()
+        .map(|sensor| design.sensors[sensor].name.clone())
         .collect();
-    let is_worse_after_outages = outage::is_worse(after_outages, trials.outage());
     let of_part = |(part, score): &(Part, Score)| trials.gain(&declared, score, &|log, time| part.holds(log, time));
     let unseen: Vec<f64> = unseen.iter().map(of_part).collect();
     let log_likelihood = trials.log_likelihood(&point.score, &all_rows);
@@ -263,6 +266,7 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         nats,
         unseen,
         coasting,
+        losing,
         is_worse_after_outages,
         runs: runs.load(Ordering::Relaxed),
         has_converged: point.has_converged,

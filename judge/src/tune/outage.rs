@@ -16,7 +16,7 @@
 //! Source     Varin, Reid, Firth 2011 (Statistica Sinica 21, 5): composite likelihood; Gneiting, Raftery 2007 (JASA
 //!            102, 359): proper scores
 
-use super::trials::{Part, Score, Trials};
+use super::trials::{Gain, Part, Score, Trials};
 use super::white;
 use fusion::config::{Diagnostic, Edit};
 use fusion::design::Design;
@@ -138,13 +138,14 @@ pub(super) fn coasting(design: &Design, trials: &Trials<'_>, declared: &Score, u
     (0..trials.densities.len()).filter_map(of).collect()
 }
 
-/// Whether the rows after outages lose more likelihood than the 1σ of this loss. `gains` has the time of each row and its
-/// gain. Rows after one outage count together: they have one drift.
-pub(super) fn is_worse(mut gains: Vec<(f64, f64)>, duration: f64) -> bool {
-    gains.sort_by(|a, b| a.0.total_cmp(&b.0));
+/// Whether the rows after outages lose more likelihood than the 1σ of this loss. Rows after one outage count together: they
+/// have one drift.
+pub(super) fn is_worse(gains: &[Gain], duration: f64) -> bool {
+    let mut gains: Vec<&Gain> = gains.iter().filter(|gain| gain.is_after_outage).collect();
+    gains.sort_by(|a, b| a.time.total_cmp(&b.time));
     let each: Vec<f64> = gains
-        .chunk_by(|a, b| b.0 - a.0 < 0.5 * duration)
-        .map(|rows| rows.iter().map(|(_, gain)| gain).sum())
+        .chunk_by(|a, b| b.time - a.time < 0.5 * duration)
+        .map(|rows| rows.iter().map(|gain| gain.nats).sum())
         .collect();
     let count = each.len() as f64;
     let sum: f64 = each.iter().sum();
@@ -161,11 +162,19 @@ mod tests {
 
     #[test]
     fn a_loss_within_chance_is_no_loss_and_rows_of_one_outage_count_together() {
-        let alternating = |loss: f64| (0..10).map(move |k| (100.0 * f64::from(k), f64::from(k % 2) * 2.0 - 1.0 - loss));
+        let alternating = |loss: f64, rows: usize| -> Vec<Gain> {
+            let of = |k: i32| Gain {
+                sensor: 0,
+                time: 100.0 * f64::from(k),
+                is_after_outage: true,
+                nats: f64::from(k % 2) * 2.0 - 1.0 - loss,
+            };
+            (0..10).flat_map(|k| vec![of(k); rows]).collect()
+        };
         // Ten outages of ±1: 1σ of the sum is √10 · √(10/9) = 3.5.
-        assert!(!is_worse(alternating(0.3).collect(), 30.0));
-        assert!(is_worse(alternating(0.4).collect(), 30.0));
+        assert!(!is_worse(&alternating(0.3, 1), 30.0));
+        assert!(is_worse(&alternating(0.4, 1), 30.0));
         // Twice the same rows do not halve the variance of the mean.
-        assert!(!is_worse(alternating(0.3).flat_map(|row| [row, row]).collect(), 30.0));
+        assert!(!is_worse(&alternating(0.3, 2), 30.0));
     }
 }

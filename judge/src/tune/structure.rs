@@ -7,7 +7,6 @@
 //! Advice sees statistics of a run, and proposes a change of the design: an axis, a latency, a noise. It cannot know
 //! whether the change helps. The likelihood of the second half can: advice did not see these rows.
 
-use super::Log;
 use crate::likelihood::{Difference, Terms, differences};
 use fusion::config::{Diagnostics, Document, Edit};
 use fusion::design::Design;
@@ -49,18 +48,19 @@ impl Proposal {
 /// Advises on a design.
 pub type Advise<'a> = dyn Fn(&Design) -> Result<Vec<Proposal>, Diagnostics> + 'a;
 
-/// Judges the edits that `advise` proposes for the first half of a log: the second half judges.
+/// Judges the edits that `advise` proposes for the first half of a log: the second half judges. An edit may say how rows are
+/// decoded, so `options` have no rows that another run has decoded.
 ///
 /// # Errors
 /// Mistakes of the design or its data, and those of `advise`.
-pub fn structure(log: &Log, advise: &Advise<'_>) -> Result<Vec<Proposal>, Diagnostics> {
-    let declared = terms(&log.document, &log.options)?;
+pub fn structure(document: &Document, options: &Options, advise: &Advise<'_>) -> Result<Vec<Proposal>, Diagnostics> {
+    let declared = terms(document, options)?;
     let (from, to) = declared.span();
     let middle = 0.5 * (from + to);
-    let mut half = log.document.clone();
+    let mut half = document.clone();
     half.apply(&Edit::set("run.stop", format!("\"{middle:?} s\"")))?;
     let judged = |mut proposal: Proposal| {
-        proposal.gain = with(log, &proposal.edits).ok().and_then(|other| {
+        proposal.gain = with(document, options, &proposal.edits).ok().and_then(|other| {
             let all = differences(&declared.after(middle), &other.after(middle));
             all.into_iter().next_back()
         });
@@ -70,10 +70,10 @@ pub fn structure(log: &Log, advise: &Advise<'_>) -> Result<Vec<Proposal>, Diagno
 }
 
 /// The likelihood of a design with edits.
-fn with(log: &Log, edits: &[Edit]) -> Result<Terms, Diagnostics> {
-    let mut document = log.document.clone();
+fn with(document: &Document, options: &Options, edits: &[Edit]) -> Result<Terms, Diagnostics> {
+    let mut document = document.clone();
     edits.iter().try_for_each(|edit| document.apply(edit))?;
-    terms(&document, &log.options)
+    terms(&document, options)
 }
 
 fn terms(document: &Document, options: &Options) -> Result<Terms, Diagnostics> {

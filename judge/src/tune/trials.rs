@@ -26,6 +26,16 @@ impl Part {
     }
 }
 
+/// What a row gains from one θ to another one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gain {
+    pub(super) sensor: usize,
+    pub(super) time: f64,
+    /// Whether it is the first row of its sensor after an outage.
+    pub(super) is_after_outage: bool,
+    pub(super) nats: f64,
+}
+
 /// The rows of a run by sensor, and from when they count \[s\].
 pub(super) type Run = (Vec<Option<Rows>>, f64);
 
@@ -162,31 +172,27 @@ impl Trials<'_> {
 
     /// The gain in nats from `a` to `b`, over the rows of both that `counts` selects by log and time.
     pub(super) fn gain(&self, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> f64 {
-        self.gains(a, b, counts).iter().map(|(_, gain)| gain).sum()
+        self.gains(a, b, counts).iter().map(|gain| gain.nats).sum()
     }
 
-    /// The same, row by row: the time of each, and its gain.
-    pub(super) fn gains(&self, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> Vec<(f64, f64)> {
-        self.gains_from(0, a, b, counts)
-    }
-
-    /// The same for the rows after outages.
-    pub(super) fn gains_after_outages(&self, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> Vec<(f64, f64)> {
-        self.gains_from(self.logs.len(), a, b, counts)
-    }
-
-    fn gains_from(&self, first: usize, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> Vec<(f64, f64)> {
+    /// The same, row by row.
+    pub(super) fn gains(&self, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> Vec<Gain> {
         let mut gains = Vec::new();
-        for (run, ((one, from), (other, _))) in a.runs.iter().zip(&b.runs).enumerate().skip(first) {
+        for (run, ((one, from), (other, _))) in a.runs.iter().zip(&b.runs).enumerate() {
             let log = self.log_of(run);
-            for ((one, other), density) in one.iter().zip(other).zip(&self.densities) {
+            for (sensor, ((one, other), density)) in one.iter().zip(other).zip(&self.densities).enumerate() {
                 let (Some(one), Some(other), Some(density)) = (one, other, density) else {
                     continue;
                 };
                 for k in (0..one.len()).filter(|k| one.times[*k] >= *from && counts(log, one.times[*k])) {
                     let Some(at) = other.at(one.numbers[k]) else { continue };
                     let ((r, l), (r_b, l_b)) = (one.innovation(k), other.innovation(at));
-                    gains.push((one.times[k], density.log(r_b, l_b) - density.log(r, l)));
+                    gains.push(Gain {
+                        sensor,
+                        time: one.times[k],
+                        is_after_outage: run >= self.logs.len(),
+                        nats: density.log(r_b, l_b) - density.log(r, l),
+                    });
                 }
             }
         }
