@@ -181,16 +181,16 @@ fn a_noise_that_is_refuted_but_not_identifiable_has_the_limit_that_the_log_does_
     assert!(with(1.5 * limit).factor < 1.0, "{limit}");
 }
 
-/// A gyro noise that is ten times too small: the next row hardly shows it, the first row after an outage does.
+/// A gyro noise that is ten times too large: the first rows after outages show it too.
 #[test]
 fn rows_after_outages_join_the_likelihood_and_judge_the_result() {
-    let small = "process.gyro.noise=0.0125 deg/sqrt(h)";
+    let large = "process.gyro.noise=1.25 deg/sqrt(h)";
     let with = |outage: Option<Outage>| {
         let settings = Settings {
             outage,
             ..Settings::default()
         };
-        tuned_with(&settings, "configs/ins-gps.toml", &["gyro.noise"], &[small, "run.seed=61"], None)
+        tuned_with(&settings, "configs/ins-gps.toml", &["gyro.noise"], &[large, "run.seed=61"], None)
     };
     let (without, found) = (with(None), with(Some(outage(15.0, None))));
     assert!(without.coasting.is_empty());
@@ -341,6 +341,35 @@ fn the_result_does_not_depend_on_the_number_of_threads_and_is_written_into_a_cop
     w.fusion(&["check", "one.toml"]).success();
 }
 
+/// Runs a design with the edits that were found, and without them, judged from a time on.
+fn judged(design: &str, found: &Tuned, data: &Path, from: &str) -> [serde_json::Value; 2] {
+    let w = Workspace::new("tune-judged");
+    let (file, data, from) = (
+        format!("{ROOT}/{design}"),
+        data.display().to_string(),
+        format!("reference.from=\"{from}\""),
+    );
+    let edits: Vec<String> = found
+        .edits()
+        .iter()
+        .map(|edit| format!("{}={}", edit.key, edit.value.as_deref().unwrap()))
+        .collect();
+    [&[][..], &edits].map(|edits| {
+        let mut arguments = vec!["run", &file, "--data", &data, "--out", "out", "--set", &from];
+        arguments.extend(edits.iter().flat_map(|edit| ["--set", edit.as_str()]));
+        w.fusion(&arguments).success();
+        serde_json::from_str(&w.read("out/summary.json")).unwrap()
+    })
+}
+
+fn rms(summary: &serde_json::Value) -> f64 {
+    summary["score"]["horizontal_rms"].as_f64().unwrap()
+}
+
+fn nees(summary: &serde_json::Value, what: &str) -> f64 {
+    summary["score"][what]["mean"].as_f64().unwrap() / 3.0
+}
+
 /// Found on the first half of the drive, judged on the second: the bars are those of a hand-tuned design.
 #[test]
 fn a_recorded_drive_tuned_on_its_first_half_is_no_worse_on_the_second() {
@@ -349,23 +378,27 @@ fn a_recorded_drive_tuned_on_its_first_half_is_no_worse_on_the_second() {
     let half = ["source.imu.time.stop=\"296 s\"", "source.gnss.time.stop=\"296 s\""];
     let found = tuned(design, &[], &half, Some(&data));
     assert!(found.is_sound() && found.gain() > 0.0, "{found:?}");
-    let w = Workspace::new("tune-drive");
-    let file = format!("{ROOT}/{design}");
-    let run = |edits: &[String]| -> serde_json::Value {
-        let data = data.display().to_string();
-        let mut arguments = vec!["run", &file, "--data", &data, "--out", "out", "--set", "reference.from=\"296 s\""];
-        arguments.extend(edits.iter().flat_map(|edit| ["--set", edit.as_str()]));
-        w.fusion(&arguments).success();
-        serde_json::from_str(&w.read("out/summary.json")).unwrap()
-    };
-    let edits: Vec<String> = found
-        .edits()
-        .iter()
-        .map(|edit| format!("{}={}", edit.key, edit.value.as_deref().unwrap()))
-        .collect();
-    let (before, after) = (run(&[]), run(&edits));
-    let rms = |summary: &serde_json::Value| summary["score"]["horizontal_rms"].as_f64().unwrap();
-    let nees = after["score"]["nees_position"]["mean"].as_f64().unwrap() / 3.0;
+    let [before, after] = judged(design, &found, &data, "296 s");
     assert!(rms(&after) <= 1.03 * rms(&before), "{} and {}", rms(&after), rms(&before));
+    let nees = nees(&after, "nees_position");
     assert!((0.4..2.0).contains(&nees), "{nees}");
+}
+
+/// The noise of its velocity changes along the log. With the noise that covers 95 % of the parts, the velocity is
+/// consistent on the part that was not seen.
+#[test]
+fn a_recorded_car_whose_noise_changes_is_consistent_with_a_noise_that_covers() {
+    let Some(data) = data() else { return };
+    let design = "configs/real/pntos-car.toml";
+    let part = ["source.imu.time.start=\"200 s\"", "source.imu.time.stop=\"900 s\""];
+    let settings = Settings {
+        cover: Some(0.95),
+        ..Settings::default()
+    };
+    let found = tuned_with(&settings, design, &[], &part, Some(&data));
+    assert!(found.is_better(), "{found:?}");
+    let [before, after] = judged(design, &found, &data, "900 s");
+    assert!(rms(&after) <= 1.03 * rms(&before), "{} and {}", rms(&after), rms(&before));
+    let (position, velocity) = (nees(&after, "nees_position"), nees(&after, "nees_velocity"));
+    assert!((0.4..2.0).contains(&position) && velocity <= 3.0, "{position} {velocity}");
 }
