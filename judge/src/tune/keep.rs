@@ -61,7 +61,7 @@ pub(super) fn keep(
 }
 
 /// Moves a parameter that is not identifiable towards its declared value, as far as the log does not refute it: to the end
-/// of the interval of its likelihood ratio. Beyond the maximum, its likelihood is flat, and the maximum itself is
+/// of the interval of its likelihood ratio. The likelihood is almost flat around the maximum, so the maximum itself is
 /// arbitrary. The end of the interval is not: it is a limit, right with the probability of the test.
 ///
 /// Source     Cox, Hinkley 1974, *Theoretical Statistics*, §7.2: limits by the likelihood ratio
@@ -98,8 +98,8 @@ pub(super) fn gains<'a>(trials: &Trials<'_>, declared: impl Iterator<Item = &'a 
 }
 
 /// The sensors that lose more likelihood than the 1σ of this loss. Each innovation has its highest expected likelihood at
-/// the true noises, whatever its sensor. So the gain of one sensor cannot pay for the loss of another: if both are real,
-/// the design lacks a state, and the noise that is found stands for it.
+/// the true noises, for each sensor. So the gain of one sensor cannot pay for the loss of another: if both are real,
+/// the design lacks a state, and the noise that is found replaces it.
 pub(super) fn losing(trials: &Trials<'_>, gains: &[Gain]) -> Vec<usize> {
     let is_loss = |sensor: &usize| {
         let own = difference(None, &sorted(gains, |gain| gain.sensor == *sensor && !gain.is_after_outage));

@@ -6,7 +6,7 @@
 //! second replay     used │   used D   │ D withheld │ used D │ …
 //! ```
 //!
-//! Each instant lies in an outage of one of the two replays. Only the first row of a sensor after an outage counts: its
+//! Each instant is in an outage of one of the two replays. Only the first row of a sensor after an outage counts: its
 //! innovation is the drift, and its S is what the filter expects of it. The likelihood of such a row is a proper score of
 //! the prediction, as that of the next row is. The sum of both is a composite likelihood: it has its maximum at the true
 //! noises, and the sandwich gives its intervals.

@@ -26,7 +26,7 @@ impl Part {
     }
 }
 
-/// What a row gains from one θ to another one.
+/// The gain of a row from one θ to another one.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gain {
     pub(super) sensor: usize,
