@@ -171,7 +171,7 @@ mod tests {
             };
             (0..10).flat_map(|k| vec![of(k); rows]).collect()
         };
-        // Ten outages of ±1: 1σ of the sum is √10 · √(10/9) = 3.5.
+        // Ten outages of ±1: 1σ of the sum is √10 · √(10/9) = 3.3.
         assert!(!is_worse(&alternating(0.3, 1), 30.0));
         assert!(is_worse(&alternating(0.4, 1), 30.0));
         // Twice the same rows do not halve the variance of the mean.
