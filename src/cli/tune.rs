@@ -5,11 +5,14 @@ use super::progress::Runs;
 use super::run::period;
 use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
-use fusion::config::Diagnostic;
+use fusion::config::{Diagnostic, Diagnostics, Document, Edit};
+use fusion::design::Design;
 use fusion::examine::{Missing, examine};
 use fusion::provenance::Provenance;
-use fusion::run::{KeptRows, Options};
-use fusion_judge::tune::{Found, Independence, Log, Settings, Tuned, tune as tune_logs};
+use fusion::run::{KeptRows, Options, run};
+use fusion_advice::frames::judge;
+use fusion_judge::likelihood::Difference;
+use fusion_judge::tune::{Coasting, Found, Independence, Log, Outage, Proposal, Settings, Tuned, structure, tune as tune_logs};
 use fusion_tables::{Cell, Column, Page, Section, Table, short};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -35,6 +38,22 @@ pub(super) struct TuneArgs {
     /// noises that the log does not identify, with a factor of 20.
     #[arg(long, value_name = "FACTOR")]
     within: Option<f64>,
+    /// An outage over which the filter has to predict, as `30 s` for all instruments or `gnss=30 s` for a source or a
+    /// sensor. The rows after such outages join the likelihood, and no noise is changed that loses them. Each run becomes
+    /// three.
+    #[arg(long, value_name = "[NAME=]TIME", value_parser = outage)]
+    outage: Option<Outage>,
+    /// The share of parts of a log in which a found noise has to hold, such as 0.95, where the noise of a sensor changes
+    /// along the log. Without it, the noise is that of the whole.
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    cover: Option<f64>,
+    /// Another start of the search: the declared noises with one of them changed, as by `--set`. The best end counts.
+    #[arg(long, value_name = "PATH=VALUE")]
+    start: Vec<String>,
+    /// Tries the edits of advice in place of noises. Advice sees the first half of the log. An edit is proposed if the
+    /// innovations of the second half are more probable with it.
+    #[arg(long, conflicts_with_all = ["params", "also", "settle", "within", "outage", "cover", "start"])]
+    structure: bool,
     #[command(flatten)]
     fix: FixArgs,
     #[command(flatten)]
@@ -58,10 +77,16 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
             options,
         });
     }
+    if args.structure {
+        return edits(args, &design);
+    }
     let settings = Settings {
         settle: args.settle.as_secs_f64(),
         folds: usize::try_from(args.folds).unwrap_or(usize::MAX),
         prior: args.within.map(prior).transpose()?,
+        outage: args.outage.clone(),
+        cover: args.cover,
+        starts: starts(args)?,
         #[cfg(unix)]
         stop: Some(super::stop::search()),
         ..Settings::default()
@@ -76,14 +101,111 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
         sections: vec![
             Section::new("Noises", [noises(&tuned.found)]),
             Section::new("Innovations", [innovations(&tuned.independence)]),
-            verdict(&tuned),
+            verdict(&tuned, settings.cover),
         ],
     };
-    if is_better(&tuned) {
+    if !tuned.coasting.is_empty() {
+        page.sections.insert(
+            2,
+            Section::new("After outages, on parts that were not seen", [outages(&tuned.coasting)]),
+        );
+    }
+    if tuned.is_better() {
         page.sections.extend(args.fix.write(&args.design, &tuned.edits())?);
     }
     args.output.print(&page)?;
     if tuned.is_sound() { Ok(()) } else { Err(Failure::Dependent) }
+}
+
+/// Judges the edits of advice, and writes those that gain likelihood.
+fn edits(args: &TuneArgs, design: &Design) -> Result<(), Failure> {
+    let proposals = structure(&design.document, &args.design.options(), &|half| {
+        advised(half, &args.design.options())
+    })?;
+    let mut t = Table::new([
+        Column::text("rule"),
+        Column::text("edit"),
+        Column::number("gain [nats]"),
+        Column::number("1σ"),
+        Column::text(""),
+    ]);
+    for proposal in &proposals {
+        let edits: Vec<String> = proposal.edits.iter().map(ToString::to_string).collect();
+        let verdict = match proposal.is_better() {
+            Some(true) => "proposed",
+            Some(false) => "no gain on unseen rows",
+            None => "a guess: no row can judge it",
+        };
+        let of = |figure: fn(&Difference) -> f64| proposal.gain.as_ref().map_or(Cell::Empty, |gain| Cell::Real(figure(gain)));
+        t.row([
+            Cell::text(&proposal.rule),
+            Cell::text(edits.join("; ")),
+            of(|gain| gain.nats),
+            of(|gain| gain.sigma),
+            Cell::text(verdict),
+        ]);
+    }
+    let section = Section::new("Edits of advice, judged on the second half", [t]);
+    let mut page = Page {
+        title: design.run.description.clone(),
+        provenance: Provenance::of(design, None),
+        warnings: Vec::new(),
+        sections: vec![if proposals.is_empty() {
+            section.note("Advice has no edit for the first half of this log.")
+        } else {
+            section
+        }],
+    };
+    let better = proposals.iter().filter(|proposal| proposal.is_better() == Some(true));
+    let better: Vec<Edit> = better.flat_map(|proposal| proposal.edits.clone()).collect();
+    page.sections.extend(args.fix.write(&args.design, &better)?);
+    args.output.print(&page)?;
+    Ok(())
+}
+
+/// The edits of all rules of advice: those about the frames of recorded data, and those about a run.
+fn advised(design: &Design, options: &Options) -> Result<Vec<Proposal>, Diagnostics> {
+    let mut found = Vec::new();
+    if !design.sources.is_empty() {
+        let judged = judge(design, options, &|_| ())?;
+        let mistakes = judged.mistakes.iter().filter(|mistake| !mistake.corrections().is_empty());
+        found.extend(mistakes.map(|mistake| Proposal::new(mistake.found_by().unwrap_or_default(), mistake.corrections().to_vec())));
+    }
+    let summary = run(design, options, &mut |_| {})?;
+    let findings = summary.findings().iter().filter(|finding| !finding.edits.is_empty());
+    found.extend(findings.map(|finding| Proposal::new(&finding.rule, finding.edits.clone())));
+    Ok(found)
+}
+
+/// The designs of the further starts.
+fn starts(args: &TuneArgs) -> Result<Vec<Document>, Failure> {
+    let file = args.design.load()?;
+    let of = |set: &String| {
+        let mut selection = args.design.selection();
+        selection.set.push(set.clone());
+        let (document, mistakes) = selection.over(&file);
+        Ok(mistakes.unless_errors(document)?)
+    };
+    args.start.iter().map(of).collect()
+}
+
+/// An outage as it is typed.
+fn outage(text: &str) -> Result<Outage, String> {
+    let (of, time) = text
+        .split_once('=')
+        .map_or((None, text), |(of, time)| (Some(of.trim().to_owned()), time));
+    let duration = period(time)?.as_secs_f64();
+    (duration > 0.0)
+        .then_some(Outage { duration, of })
+        .ok_or_else(|| "an outage has a length above zero".to_owned())
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let share: f64 = text.parse().map_err(|_| "a number is wanted, such as `0.95`".to_owned())?;
+    (0.5..1.0)
+        .contains(&share)
+        .then_some(share)
+        .ok_or_else(|| "a share is from 0.5 to below 1".to_owned())
 }
 
 /// The 1σ of the logarithm of a noise that is right within a factor.
@@ -96,10 +218,6 @@ fn prior(within: f64) -> Result<f64, Diagnostic> {
 
 /// A dozen independent rows determine the factor to a factor of two; above three it is worth a word.
 const HEAVY: f64 = 3.0;
-
-fn is_better(tuned: &Tuned) -> bool {
-    tuned.is_sound() && tuned.gain() > 0.0
-}
 
 fn noises(found: &[Found]) -> Table {
     let mut t = Table::new([
@@ -115,7 +233,9 @@ fn noises(found: &[Found]) -> Table {
         let cells = match f.edit().and_then(|edit| edit.value) {
             Some(value) if f.is_identifiable() => [Cell::text(value), Cell::Real(f.factor), Cell::Real(from), Cell::Real(to)],
             Some(value) => [
-                Cell::text(format!("{value}, a guess: not identifiable, but the declared value is refuted")),
+                Cell::text(format!(
+                    "{value}, a limit: not identifiable, but the log refutes all values up to the declared one"
+                )),
                 Cell::Real(f.factor),
                 Cell::Empty,
                 Cell::Empty,
@@ -133,6 +253,26 @@ fn noises(found: &[Found]) -> Table {
                 .into_iter()
                 .chain(cells),
         );
+    }
+    t
+}
+
+fn outages(coasting: &[Coasting]) -> Table {
+    let mut t = Table::new([
+        Column::text("sensor"),
+        Column::number("outages"),
+        Column::number("RMS of innovations, declared"),
+        Column::number("found"),
+        Column::number("gain [nats]"),
+    ]);
+    for own in coasting {
+        t.row([
+            Cell::text(&own.sensor),
+            Cell::from(own.outages),
+            Cell::Real(own.declared),
+            Cell::Real(own.found),
+            Cell::Real(own.nats),
+        ]);
     }
     t
 }
@@ -162,7 +302,7 @@ fn innovations(independence: &[Independence]) -> Table {
     t
 }
 
-fn verdict(tuned: &Tuned) -> Section {
+fn verdict(tuned: &Tuned, cover: Option<f64>) -> Section {
     let section = Section::new("Verdict", []);
     let dependent: Vec<String> = tuned
         .independence
@@ -202,14 +342,34 @@ fn verdict(tuned: &Tuned) -> Section {
     };
     let varying = tuned.independence.iter().filter(|i| i.varies > 1.0);
     let section = varying.fold(section, |section, i| {
-        section.note(format!(
-            "The noise of `{}` changes along the log: in one of twenty parts, σ is more than {} times that of the whole. Use that where σ \
-             has to hold everywhere.",
-            i.sensor,
-            short(i.varies)
-        ))
+        let (sensor, times) = (&i.sensor, short(i.varies));
+        section.note(match cover {
+            None => format!(
+                "The noise of `{sensor}` changes along the log: in one of twenty parts, σ is more than {times} times that of the whole. \
+                 Use that where σ has to hold everywhere: `--cover 0.95`."
+            ),
+            Some(cover) => format!(
+                "The noise of `{sensor}` changes along the log. Its found value is {times} times that of the whole, so that it holds in \
+                 {} % of the parts.",
+                100.0 * cover
+            ),
+        })
     });
-    let section = if is_better(tuned) {
+    let section = if tuned.losing.is_empty() {
+        section
+    } else {
+        let losing: Vec<String> = tuned.losing.iter().map(|sensor| format!("`{sensor}`")).collect();
+        section.note(format!(
+            "{} is predicted worse, by more than chance, while others are predicted better: the design lacks a state.",
+            losing.join(", ")
+        ))
+    };
+    let section = if tuned.is_worse_after_outages {
+        section.note("After outages, these noises predict worse than the declared ones, by more than chance.")
+    } else {
+        section
+    };
+    let section = if tuned.is_better() {
         section
     } else {
         section.note("The log does not prefer these noises where it was not asked: keep the declared ones.")

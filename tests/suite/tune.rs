@@ -4,7 +4,7 @@ use crate::real::data;
 use crate::support::{Workspace, stderr, stdout};
 use fusion::Selection;
 use fusion::run::{KeptRows, Options};
-use fusion_judge::tune::{Log, Settings, Tuned, tune};
+use fusion_judge::tune::{Log, Outage, Settings, Tuned, tune};
 use std::path::Path;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -164,6 +164,132 @@ fn outliers_behind_a_gate_do_not_widen_the_noise() {
     assert!((0.85..1.25).contains(&factor), "{factor}");
 }
 
+/// Six times the truth: gyro noise shows in a drive of three minutes only as a limit.
+#[test]
+fn a_noise_that_is_refuted_but_not_identifiable_has_the_limit_that_the_log_does_not_refute() {
+    let with = |factor: f64| {
+        let noise = format!("process.gyro.noise={} deg/sqrt(h)", 0.125 * factor);
+        let seed = "run.seed=61";
+        tuned("configs/ins-gps.toml", &["gyro.noise"], &[&noise, seed], None).found[0].clone()
+    };
+    let found = with(10.0);
+    assert!(found.is_refuted && !found.is_identifiable(), "{found:?}");
+    let limit = 10.0 * found.factor;
+    assert!((1.0..10.0).contains(&limit), "{limit}");
+    // The search knows the limit to a sixteenth of the way, in logarithms, from the flat part to ten times: within a half.
+    assert!(!with(0.8 * limit).is_refuted, "{limit}");
+    assert!(with(1.5 * limit).factor < 1.0, "{limit}");
+}
+
+/// A gyro noise that is ten times too large: the first rows after outages show it too.
+#[test]
+fn rows_after_outages_join_the_likelihood_and_judge_the_result() {
+    let large = "process.gyro.noise=1.25 deg/sqrt(h)";
+    let with = |outage: Option<Outage>| {
+        let settings = Settings {
+            outage,
+            ..Settings::default()
+        };
+        tuned_with(&settings, "configs/ins-gps.toml", &["gyro.noise"], &[large, "run.seed=61"], None)
+    };
+    let (without, found) = (with(None), with(Some(outage(15.0, None))));
+    assert!(without.coasting.is_empty());
+    let sensors: Vec<&str> = found.coasting.iter().map(|own| own.sensor.as_str()).collect();
+    assert_eq!(sensors, ["position", "velocity"]);
+    for own in &found.coasting {
+        // Half of the log of three minutes is in outages of one replay, the other half in those of the other one.
+        assert!((6..=11).contains(&own.outages), "{own:?}");
+        assert!(own.declared > 0.0 && own.found > 0.0, "{own:?}");
+    }
+    assert!(
+        found.coasting.iter().map(|own| own.nats).sum::<f64>() > 0.0 && !found.is_worse_after_outages,
+        "{found:?}"
+    );
+    let (log, log_without) = (found.log_likelihood, without.log_likelihood);
+    assert!((log - log_without).abs() > 1.0, "rows after outages count: {log} and {log_without}");
+}
+
+fn outage(duration: f64, of: Option<&str>) -> Outage {
+    Outage {
+        duration,
+        of: of.map(str::to_owned),
+    }
+}
+
+#[test]
+fn an_outage_that_does_not_fit_or_has_no_instrument_is_an_error() {
+    let w = Workspace::new("tune-outage");
+    let design = format!("{ROOT}/configs/ins-gps.toml");
+    let long = w.fusion(&["tune", &design, "--outage", "10 min"]).code(2);
+    assert!(stderr(&long).contains("no outage of 600 s fits into the log"), "{}", stderr(&long));
+    let other = w.fusion(&["tune", &design, "--outage", "gnns=10 s"]).code(2);
+    assert!(stderr(&other).contains("no instrument has this name"), "{}", stderr(&other));
+}
+
+/// The velocity of the simulated receiver is four times worse in every other quarter of a minute.
+#[test]
+fn a_noise_that_changes_along_the_log_covers_the_declared_share_of_it() {
+    let worse = "simulation.sensor.velocity.fault.worse={ type = \"noise\", channel = \"velocity\", sigma = \"0.2 m/s\", \
+                 window = { from = \"15 s\", duration = \"15 s\", every = \"30 s\" } }";
+    let with = |cover: Option<f64>| {
+        let settings = Settings {
+            cover,
+            ..Settings::default()
+        };
+        let found = tuned_with(&settings, "configs/ins-gps.toml", &["sensor.velocity.noise"], &[worse], None);
+        0.05 * factor(&found, "sensor.velocity.noise").unwrap().0
+    };
+    let (whole, half, most) = (with(None), with(Some(0.5)), with(Some(0.95)));
+    // Between the two noises of the receiver, 0.05 and 0.21 m/s.
+    assert!((0.05..0.21).contains(&whole), "{whole}");
+    // One half of the parts is above the median, which is the value of the whole.
+    assert!((half / whole - 1.0).abs() < 1e-12, "{half} and {whole}");
+    // The noise of the bad parts; a log-normal law of only two values is wide.
+    assert!((0.18..0.6).contains(&most), "{most}");
+}
+
+/// Both searches end at the same maximum, and the better end counts.
+#[test]
+fn a_further_start_ends_at_the_same_maximum() {
+    let far = "sensor.velocity.noise.sigma=0.5 m/s";
+    let selection = Selection {
+        set: vec![far.to_owned(), "sensor.velocity.noise.sigma=1 cm/s".to_owned()],
+        ..Selection::default()
+    };
+    let file = Path::new(ROOT).join("configs/ins-gps.toml");
+    let settings = Settings {
+        starts: vec![selection.load(&file).unwrap_or_else(|d| panic!("{d}")).document],
+        ..Settings::default()
+    };
+    let design = "configs/ins-gps.toml";
+    let one = tuned(design, &["sensor.velocity.noise"], &[far], None);
+    let two = tuned_with(&settings, design, &["sensor.velocity.noise"], &[far], None);
+    assert!(two.runs > one.runs, "{} and {}", two.runs, one.runs);
+    // Each search ends within a hundredth of a nat of the maximum.
+    assert!((one.log_likelihood - two.log_likelihood).abs() < 0.02, "{one:?} {two:?}");
+}
+
+/// Accelerometers that are declared in feet, and columns of σ that are not read: the second half judges both edits.
+#[test]
+fn an_edit_of_advice_is_proposed_if_the_half_that_it_has_not_seen_gains() {
+    let Some(data) = data() else { return };
+    let w = Workspace::new("tune-structure");
+    let design = format!("{ROOT}/configs/real/rtklib-drive.toml");
+    let data = data.display().to_string();
+    let arguments = ["tune", &design, "--data", &data, "--structure"];
+    let feet = ["--set", "source.imu.channels.specific_force.unit=\"ft/s^2\"", "--format", "json"];
+    let page: serde_json::Value = serde_json::from_str(&stdout(&w.fusion(&[&arguments[..], &feet].concat()).success())).unwrap();
+    let rows = page["sections"][0]["tables"][0]["rows"].as_array().unwrap();
+    let of = |rule: &str| &rows.iter().find(|row| row["cells"][0] == rule).unwrap()["cells"];
+    let unit = of("unit");
+    let (nats, sigma) = (unit[2].as_f64().unwrap(), unit[3].as_f64().unwrap());
+    assert!(nats > sigma && sigma > 0.0 && unit[4] == "proposed", "{unit}");
+    // The columns of σ do not mend the innovations that the wrong unit makes large.
+    assert_eq!(of("nis-large")[4], "no gain on unseen rows");
+    let good = stdout(&w.fusion(&arguments).success());
+    assert!(good.contains("Advice has no edit for the first half of this log."), "{good}");
+}
+
 #[test]
 fn a_slow_error_is_no_noise_and_ends_in_a_refusal() {
     let w = Workspace::new("tune-refused");
@@ -215,6 +341,35 @@ fn the_result_does_not_depend_on_the_number_of_threads_and_is_written_into_a_cop
     w.fusion(&["check", "one.toml"]).success();
 }
 
+/// Runs a design with the edits that were found, and without them, judged from a time on.
+fn judged(design: &str, found: &Tuned, data: &Path, from: &str) -> [serde_json::Value; 2] {
+    let w = Workspace::new("tune-judged");
+    let (file, data, from) = (
+        format!("{ROOT}/{design}"),
+        data.display().to_string(),
+        format!("reference.from=\"{from}\""),
+    );
+    let edits: Vec<String> = found
+        .edits()
+        .iter()
+        .map(|edit| format!("{}={}", edit.key, edit.value.as_deref().unwrap()))
+        .collect();
+    [&[][..], &edits].map(|edits| {
+        let mut arguments = vec!["run", &file, "--data", &data, "--out", "out", "--set", &from];
+        arguments.extend(edits.iter().flat_map(|edit| ["--set", edit.as_str()]));
+        w.fusion(&arguments).success();
+        serde_json::from_str(&w.read("out/summary.json")).unwrap()
+    })
+}
+
+fn rms(summary: &serde_json::Value) -> f64 {
+    summary["score"]["horizontal_rms"].as_f64().unwrap()
+}
+
+fn nees(summary: &serde_json::Value, what: &str) -> f64 {
+    summary["score"][what]["mean"].as_f64().unwrap() / 3.0
+}
+
 /// Found on the first half of the drive, judged on the second: the bars are those of a hand-tuned design.
 #[test]
 fn a_recorded_drive_tuned_on_its_first_half_is_no_worse_on_the_second() {
@@ -223,23 +378,27 @@ fn a_recorded_drive_tuned_on_its_first_half_is_no_worse_on_the_second() {
     let half = ["source.imu.time.stop=\"296 s\"", "source.gnss.time.stop=\"296 s\""];
     let found = tuned(design, &[], &half, Some(&data));
     assert!(found.is_sound() && found.gain() > 0.0, "{found:?}");
-    let w = Workspace::new("tune-drive");
-    let file = format!("{ROOT}/{design}");
-    let run = |edits: &[String]| -> serde_json::Value {
-        let data = data.display().to_string();
-        let mut arguments = vec!["run", &file, "--data", &data, "--out", "out", "--set", "reference.from=\"296 s\""];
-        arguments.extend(edits.iter().flat_map(|edit| ["--set", edit.as_str()]));
-        w.fusion(&arguments).success();
-        serde_json::from_str(&w.read("out/summary.json")).unwrap()
-    };
-    let edits: Vec<String> = found
-        .edits()
-        .iter()
-        .map(|edit| format!("{}={}", edit.key, edit.value.as_deref().unwrap()))
-        .collect();
-    let (before, after) = (run(&[]), run(&edits));
-    let rms = |summary: &serde_json::Value| summary["score"]["horizontal_rms"].as_f64().unwrap();
-    let nees = after["score"]["nees_position"]["mean"].as_f64().unwrap() / 3.0;
+    let [before, after] = judged(design, &found, &data, "296 s");
     assert!(rms(&after) <= 1.03 * rms(&before), "{} and {}", rms(&after), rms(&before));
+    let nees = nees(&after, "nees_position");
     assert!((0.4..2.0).contains(&nees), "{nees}");
+}
+
+/// The noise of its velocity changes along the log. With the noise that covers 95 % of the parts, the velocity is
+/// consistent on the part that was not seen.
+#[test]
+fn a_recorded_car_whose_noise_changes_is_consistent_with_a_noise_that_covers() {
+    let Some(data) = data() else { return };
+    let design = "configs/real/pntos-car.toml";
+    let part = ["source.imu.time.start=\"200 s\"", "source.imu.time.stop=\"900 s\""];
+    let settings = Settings {
+        cover: Some(0.95),
+        ..Settings::default()
+    };
+    let found = tuned_with(&settings, design, &[], &part, Some(&data));
+    assert!(found.is_better(), "{found:?}");
+    let [before, after] = judged(design, &found, &data, "900 s");
+    assert!(rms(&after) <= 1.03 * rms(&before), "{} and {}", rms(&after), rms(&before));
+    let (position, velocity) = (nees(&after, "nees_position"), nees(&after, "nees_velocity"));
+    assert!((0.4..2.0).contains(&position) && velocity <= 3.0, "{position} {velocity}");
 }

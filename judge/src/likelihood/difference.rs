@@ -29,18 +29,17 @@ pub struct Terms {
     aligned: Option<f64>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Sensor {
     name: String,
     density: Option<Density>,
-    heard: u32,
     terms: Vec<Term>,
 }
 
-/// A row: its number among all of its sensor, when it is valid \[s\], ln p, and a hash of what was measured.
+/// A row: its number in its source, when it is valid \[s\], ln p, and a hash of what was measured.
 #[derive(Clone, Copy, Debug)]
 struct Term {
-    number: u32,
+    number: u64,
     time: f64,
     log: f64,
     measured: u64,
@@ -56,11 +55,26 @@ impl Terms {
                 .map(|(sensor, density)| Sensor {
                     name: sensor.name.clone(),
                     density,
-                    heard: 0,
                     terms: Vec::new(),
                 })
                 .collect(),
             aligned: None,
+        }
+    }
+
+    /// The time of the rows that count \[s\].
+    pub(crate) fn span(&self) -> (f64, f64) {
+        let times = self.sensors.iter().flat_map(|sensor| self.counted(sensor)).map(|term| term.time);
+        times.fold((f64::INFINITY, f64::NEG_INFINITY), |(from, to), time| {
+            (from.min(time), to.max(time))
+        })
+    }
+
+    /// Its rows from a time on \[s\].
+    pub(crate) fn after(&self, from: f64) -> Self {
+        Self {
+            aligned: Some(self.aligned.map_or(from, |aligned| aligned.max(from))),
+            sensors: self.sensors.clone(),
         }
     }
 
@@ -80,12 +94,13 @@ impl RunObserver for Terms {
             Event::Health { health } if filter.is_outermost() && health.state == State::Good => {
                 self.aligned = self.aligned.or(Some(health.since.seconds()));
             }
-            Event::Updated { sensor, update, time, .. } if filter.is_outermost() => {
+            Event::Updated {
+                sensor, update, time, row, ..
+            } if filter.is_outermost() => {
                 let own = &mut self.sensors[filter.sensors[*sensor].design];
-                own.heard += 1;
                 if let Some(log) = own.density.and_then(|density| density.of_update(update)) {
                     own.terms.push(Term {
-                        number: own.heard,
+                        number: row.number,
                         time: time.seconds(),
                         log,
                         measured: hash(update.value),
@@ -112,12 +127,14 @@ pub struct Difference {
 }
 
 /// The differences from `first` to `second`, for each sensor that both have, and for all together. Rows are matched by
-/// their number among those of the sensor, and count if both runs measured the same: two simulated worlds do not compare.
+/// their number in their source, and count if both runs measured the same: two simulated worlds do not compare.
 #[must_use]
 pub fn differences(first: &Terms, second: &Terms) -> Vec<Difference> {
     let of = |one: &Sensor| {
         let other = second.sensors.iter().find(|other| other.name == one.name)?;
-        let theirs = second.counted(other);
+        // Rows that come late are not in the order of their numbers.
+        let mut theirs = second.counted(other).to_vec();
+        theirs.sort_by_key(|term| term.number);
         let matched = first.counted(one).iter().filter_map(|term| {
             let at = theirs.binary_search_by_key(&term.number, |other| other.number).ok()?;
             let other = theirs.get(at).filter(|other| other.measured == term.measured)?;

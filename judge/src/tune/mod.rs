@@ -17,22 +17,28 @@
 //! its uncertainty widens the intervals of the others. It keeps its declared value, unless the log refutes this value.
 //!
 //! Source     Gupta, Mehra 1974 (IEEE TAC 19(6), 774): maximum likelihood by Fisher scoring over the innovations
-//! Not here   drift in outages, and errors against a reference: the runs of the result show them
+//! Not here   errors against a reference: the runs of the result show them
 
 mod climb;
+mod keep;
+mod outage;
 mod parameter;
 mod record;
 mod sensitivity;
+mod structure;
 mod trials;
 mod white;
 
 use fusion_core::math;
+pub use outage::{Coasting, Outage};
 pub use parameter::Parameter;
+pub use structure::{Advise, Proposal, structure};
 pub use white::Independence;
 
 use self::climb::{Point, Start, climb};
+use self::keep::{DOUBT, keep};
 use self::trials::{Part, Score, Trials};
-use crate::likelihood::{densities, difference};
+use crate::likelihood::densities;
 use fusion::config::{Diagnostic, Diagnostics, Document, Edit};
 use fusion::design::Design;
 use fusion::run::Options;
@@ -63,6 +69,13 @@ pub struct Settings {
     /// The 1σ of the logarithm of each declared value, by its data sheet: the declared values are a prior. Without it, a
     /// wide prior applies to the parameters that the log does not identify, and to no other.
     pub prior: Option<f64>,
+    /// Outages over which the tuned filter has to predict: their rows are part of the likelihood, and of the judges.
+    pub outage: Option<Outage>,
+    /// The share of parts of a log in which σ of a found noise has to hold, if the noise of a sensor changes along the log
+    /// more than chance allows. Without it, the noise is that of the whole.
+    pub cover: Option<f64>,
+    /// Designs with values of the parameters from which the search starts too. The best end counts.
+    pub starts: Vec<Document>,
     /// When it becomes true, the search ends with the best that it has found.
     pub stop: Option<Arc<AtomicBool>>,
 }
@@ -75,6 +88,9 @@ impl Default for Settings {
             most_runs: 1000,
             false_refusal: 1e-3,
             prior: None,
+            outage: None,
+            cover: None,
+            starts: Vec::new(),
             stop: None,
         }
     }
@@ -89,8 +105,8 @@ pub struct Found {
     pub factor: f64,
     /// The 1σ of the logarithm of the factor.
     pub sigma: f64,
-    /// Whether the log contradicts the declared value of a parameter that is not identifiable: it is likely too large, or
-    /// too small, but no value is much better than others.
+    /// Whether the log contradicts the declared value of a parameter that is not identifiable. The factor is then a limit:
+    /// the log refutes all values between it and the declared one, and none beyond it.
     pub is_refuted: bool,
 }
 
@@ -130,6 +146,12 @@ pub struct Tuned {
     pub nats: f64,
     /// The gain on each part of the logs, with what the other parts give.
     pub unseen: Vec<f64>,
+    /// The prediction over outages, by sensor; empty without outages.
+    pub coasting: Vec<Coasting>,
+    /// The sensors that lose more likelihood than chance does, on parts that were not seen.
+    pub losing: Vec<String>,
+    /// Whether the prediction over outages loses more likelihood than chance does.
+    pub is_worse_after_outages: bool,
     /// Runs made.
     pub runs: u64,
     /// Whether the search ended at a maximum, not at the limit of runs.
@@ -149,6 +171,12 @@ impl Tuned {
     #[must_use]
     pub fn gain(&self) -> f64 {
         self.unseen.iter().sum()
+    }
+
+    /// Whether the result is better where it was not asked, for no sensor worse, and not worse after outages.
+    #[must_use]
+    pub fn is_better(&self) -> bool {
+        self.is_sound() && self.gain() > 0.0 && self.losing.is_empty() && !self.is_worse_after_outages
     }
 
     /// The edits of the design; empty if the innovations are not independent.
@@ -184,24 +212,43 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         parameters,
         densities: densities(&design),
         thinning: vec![Vec::new(); logs.len()],
+        replays: Vec::new(),
         settings,
         runs: &runs,
     };
+    if let Some(outage) = &settings.outage {
+        let declared = trials.at(&vec![0.0; trials.parameters.len()])?;
+        trials.replays = outage::replays(&design, &trials, &declared, outage)?;
+    }
     let End {
         point,
         mut independence,
         sigmas,
         refuted,
-        unseen,
+        mut unseen,
     } = search(&mut trials, &design, progress)?;
     let declared = trials.at(&vec![0.0; point.theta.len()])?;
     let nats = trials.gain(&declared, &point.score, &all_rows);
+    let wider = wider(&trials.parameters, &point, settings, &independence);
+    if wider.iter().any(|wider| *wider > 0.0) {
+        for (part, score) in &mut unseen {
+            let theta = point.without(part).into_iter().zip(&wider).map(|(theta, wider)| theta + wider);
+            *score = trials.at(&theta.collect::<Vec<f64>>())?;
+        }
+    }
+    let coasting = outage::coasting(&design, &trials, &declared, &unseen);
+    let gains = keep::gains(&trials, std::iter::repeat(&declared), &unseen);
+    let is_worse_after_outages = outage::is_worse(&gains, trials.outage());
+    let losing = keep::losing(&trials, &gains)
+        .into_iter()
+        .map(|sensor| design.sensors[sensor].name.clone())
+        .collect();
     let of_part = |(part, score): &(Part, Score)| trials.gain(&declared, score, &|log, time| part.holds(log, time));
     let unseen: Vec<f64> = unseen.iter().map(of_part).collect();
     let log_likelihood = trials.log_likelihood(&point.score, &all_rows);
     let found = trials.parameters.iter().enumerate().map(|(j, parameter)| Found {
         parameter: parameter.clone(),
-        factor: math::exp(point.theta[j]),
+        factor: math::exp(point.theta[j] + wider[j]),
         sigma: sigmas[j],
         is_refuted: refuted.contains(&j),
     });
@@ -218,18 +265,32 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         log_likelihood,
         nats,
         unseen,
+        coasting,
+        losing,
+        is_worse_after_outages,
         runs: runs.load(Ordering::Relaxed),
         has_converged: point.has_converged,
         independence,
     })
 }
 
+/// By how much the logarithm of each parameter grows, so that the found noise of a sensor holds in a declared share of parts.
+fn wider(parameters: &[Parameter], point: &Point, settings: &Settings, independence: &[Independence]) -> Vec<f64> {
+    let of = |(parameter, theta): (&Parameter, &f64)| {
+        let is_of =
+            |own: &&Independence| parameter.path.starts_with(&format!("sensor.{}.", own.sensor)) && parameter.path.ends_with("noise");
+        let varies = independence.iter().find(is_of).map_or(1.0, |own| own.varies);
+        if settings.cover.is_some() && *theta != 0.0 {
+            math::ln(varies)
+        } else {
+            0.0
+        }
+    };
+    parameters.iter().zip(&point.theta).map(of).collect()
+}
+
 /// The 1σ of the logarithm of a parameter before the log is seen: a factor of e³ = 20 either way.
 const PRIOR: f64 = 3.0;
-/// A variance v has the 1σ 2σv, if σ is the 1σ of the logarithm of its root. Above this σ, 0 lies within 1.96 of them.
-const DOUBT: f64 = 0.255;
-/// A declared value is refuted if keeping it costs a likelihood that chance alone costs with this probability.
-const CHANCE: f64 = 0.05;
 
 /// The end of a search.
 struct End {
@@ -245,7 +306,7 @@ struct End {
 
 /// Finds the maximum with rows so thin that innovations are white, and that fewer rows give the same noises.
 fn search(trials: &mut Trials<'_>, design: &Design, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<End, Diagnostics> {
-    let mut theta = vec![nearest(trials)?; trials.parameters.len()];
+    let mut theta = start(trials, design, progress)?;
     let mut has_returned = false;
     let mut point = loop {
         let point = highest(trials, theta, progress)?;
@@ -316,6 +377,23 @@ fn agree(all: &Point, half: &Point, probability: f64) -> bool {
     known.iter().all(|square| *square <= limit)
 }
 
+/// The best of the starts: the common factor of all noises, or the end of a search from declared starts.
+fn start(trials: &Trials<'_>, design: &Design, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<Vec<f64>, Diagnostics> {
+    let common = vec![nearest(trials)?; trials.parameters.len()];
+    if trials.settings.starts.is_empty() {
+        return Ok(common);
+    }
+    let mut best = highest(trials, common, progress)?;
+    for other in &trials.settings.starts {
+        let of = |parameter: &Parameter| parameter.over_declared(&design.document, other).unwrap_or(0.0);
+        let end = highest(trials, trials.parameters.iter().map(of).collect(), progress)?;
+        if trials.gain(&best.score, &end.score, &all_rows) > 0.0 {
+            best = end;
+        }
+    }
+    Ok(best.theta)
+}
+
 /// The common factor of all noises, in steps of three, that explains the innovations best. If all noises are far too
 /// small, gates reject good rows, and slopes lead nowhere.
 fn nearest(trials: &Trials<'_>) -> Result<f64, Diagnostics> {
@@ -338,92 +416,4 @@ fn nearest(trials: &Trials<'_>) -> Result<f64, Diagnostics> {
 
 fn all_rows(_: usize, _: f64) -> bool {
     true
-}
-
-/// Gives parameters that are not identifiable their declared value, and finds the others anew. If that costs more
-/// likelihood than chance does, the parameter that is farthest from its declared value does not keep it.
-fn keep(trials: &Trials<'_>, design: &Design, mut point: Point, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<End, Diagnostics> {
-    let d = trials.parameters.len();
-    let mut sigmas = point.sigmas();
-    for (j, sigma) in sigmas.iter_mut().enumerate() {
-        if *sigma > DOUBT && *sigma <= 1.0 && !is_needed(trials, &point, j, progress)? {
-            *sigma = f64::INFINITY;
-        }
-    }
-    let best = trials.log_likelihood(&point.score, &all_rows);
-    let mut refuted = Vec::new();
-    loop {
-        let kept: Vec<usize> = (0..d).filter(|j| sigmas[*j] > 1.0 && !refuted.contains(j)).collect();
-        if kept.is_empty() {
-            break;
-        }
-        let pinned: Vec<(usize, f64)> = kept.iter().map(|j| (*j, 0.0)).collect();
-        let other = climb(trials, point.pinned(&pinned), progress)?;
-        let cost = best - trials.log_likelihood(&other.score, &all_rows);
-        if cost <= 0.5 * chi_square_quantile(1.0 - CHANCE, kept.len() as f64) {
-            point = other;
-            break;
-        }
-        let far = |j: &usize| point.theta[*j].abs();
-        refuted.extend(kept.iter().copied().max_by(|a, b| far(a).total_cmp(&far(b))));
-    }
-    let (point, unseen) = simplest(trials, point, &sigmas, progress)?;
-    Ok(End {
-        independence: white::judge(design, trials, &point.score),
-        point,
-        sigmas,
-        refuted,
-        unseen,
-    })
-}
-
-/// The innovations of each part with the noises that the other parts give.
-fn unseen(trials: &Trials<'_>, point: &Point) -> Result<Vec<(Part, Score)>, Diagnostics> {
-    let parts = point.score.parts(trials.settings.folds).into_iter();
-    parts.map(|part| Ok((part, trials.at(&point.without(&part))?))).collect()
-}
-
-/// Gives a noise its declared value back, unless the value that was found gains more likelihood on unseen parts than the
-/// 1σ of this gain, by blocks of time.
-///
-/// Source     Breiman, Friedman, Olshen, Stone 1984, §3.4.3: of models within one standard error, the simplest
-fn simplest(
-    trials: &Trials<'_>,
-    mut point: Point,
-    sigmas: &[f64],
-    progress: &(dyn Fn(u64, f64) + Sync),
-) -> Result<(Point, Vec<(Part, Score)>), Diagnostics> {
-    /// So many 1σ from its declared value a noise gains 50 nats, on any part.
-    const CLEAR: f64 = 10.0;
-    let mut best = unseen(trials, &point)?;
-    let far = |j: &usize| (point.theta[*j] / sigmas[*j]).abs();
-    let mut doubtful: Vec<usize> = point
-        .free()
-        .iter()
-        .copied()
-        .filter(|j| sigmas[*j] <= 1.0 && far(j) < CLEAR)
-        .collect();
-    doubtful.sort_by(|a, b| far(a).total_cmp(&far(b)));
-    for j in doubtful {
-        let other = climb(trials, point.pinned(&[(j, 0.0)]), progress)?;
-        let theirs = unseen(trials, &other)?;
-        let pairs = theirs.iter().zip(&best);
-        let mut rows: Vec<(f64, f64)> = pairs
-            .flat_map(|((part, declared), (_, found))| trials.gains(declared, found, &|log, time| part.holds(log, time)))
-            .collect();
-        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let gain = difference(None, &rows);
-        if gain.nats <= if gain.sigma.is_nan() { 0.0 } else { gain.sigma } {
-            (point, best) = (other, theirs);
-        }
-    }
-    Ok((point, best))
-}
-
-/// Whether the log refutes that a noise is absent: a twentieth of it, with the others found anew, costs more likelihood
-/// than chance does. The information at a maximum does not say this of a noise that is small.
-fn is_needed(trials: &Trials<'_>, point: &Point, j: usize, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<bool, Diagnostics> {
-    let without = climb(trials, point.pinned(&[(j, point.theta[j] - PRIOR)]), progress)?;
-    let cost = trials.log_likelihood(&point.score, &all_rows) - trials.log_likelihood(&without.score, &all_rows);
-    Ok(cost > 0.5 * chi_square_quantile(1.0 - CHANCE, 1.0))
 }

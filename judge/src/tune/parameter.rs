@@ -3,6 +3,8 @@
 use crate::likelihood::is_real;
 use fusion::config::{Diagnostic, Document, Edit, Node, Value};
 use fusion::design::Design;
+use fusion_core::math;
+use fusion_models::units;
 
 /// Whether a key names a noise that may be tuned: `noise`, `gyro_noise` and the like among them.
 fn is_noise(key: &str) -> bool {
@@ -51,6 +53,13 @@ impl Parameter {
         Edit::set(&self.key, scaled(&self.declared, factor, digits))
     }
 
+    /// The logarithm of its value in another design over the declared value; `None` if that design does not declare it.
+    pub(super) fn over_declared(&self, declared: &Document, other: &Document) -> Option<f64> {
+        let size = |document: &Document| document.root().at(&self.key).map_or(Some(1.0), size);
+        let ratio = size(other)? / size(declared)?;
+        (ratio > 0.0 && ratio.is_finite()).then(|| math::ln(ratio))
+    }
+
     /// The declared parameters of a design that a pattern selects. A `*` matches any text inside a key. The first
     /// key `process` may be left out.
     ///
@@ -84,6 +93,18 @@ impl Parameter {
         let all = all(&design.document).into_iter();
         all.filter(|p| p.path.ends_with("noise") && measures(&p.path)).collect()
     }
+}
+
+/// The first quantity of a value that is not zero, in SI.
+fn size(node: &Node) -> Option<f64> {
+    let found = match node.value() {
+        Value::String(text) => units::parse(text).ok()?.0,
+        Value::Integer(value) => *value as f64,
+        Value::Float(value) => *value,
+        Value::Array(elements) => return elements.iter().find_map(size),
+        _ => return None,
+    };
+    (found != 0.0).then_some(found)
 }
 
 /// All noises that a design declares for its process and its sensors.

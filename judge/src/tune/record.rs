@@ -18,6 +18,8 @@ pub(super) struct Rows {
     /// Rows of the residual.
     pub(super) m: usize,
     heard: u32,
+    /// When the latest row was valid, counted or not \[s\].
+    latest: Option<f64>,
 }
 
 impl Rows {
@@ -40,7 +42,7 @@ impl Rows {
 /// Keeps the innovations of the sensors that are judged, those that a gate rejected too.
 ///
 /// Rows of a vehicle at rest do not count. A receiver that holds its output at rest is a better instrument than the same
-/// receiver in motion, and one noise cannot describe both.
+/// receiver in motion, and one noise cannot describe both. With outages, only the first row after each of them counts.
 #[derive(Debug)]
 pub(super) struct Recorder {
     pub(super) sensors: Vec<Option<Rows>>,
@@ -48,11 +50,13 @@ pub(super) struct Recorder {
     rests: Vec<bool>,
     /// When a stage last found rest \[s\], and the shortest time between two of its rows; infinite after one row.
     rest: Option<(f64, f64)>,
+    /// The length of the outages, if the run has some \[s\].
+    outage: Option<f64>,
 }
 
 impl Recorder {
     /// For the sensors of the design's own filter, by their densities.
-    pub(super) fn new(design: &Design, densities: &[Option<Density>]) -> Self {
+    pub(super) fn new(design: &Design, densities: &[Option<Density>], outage: Option<f64>) -> Self {
         let is_rest = |source: &String| {
             let stage = design.stages.iter().find(|stage| stage.name == *source);
             stage.is_some_and(|stage| stage.node.get("type").and_then(Node::as_str) == Some(REST))
@@ -61,6 +65,7 @@ impl Recorder {
             sensors: densities.iter().map(|d| d.is_some().then(Rows::default)).collect(),
             rests: design.sensors.iter().map(|s| is_rest(&s.block.common.source)).collect(),
             rest: None,
+            outage,
         }
     }
 
@@ -103,7 +108,10 @@ impl RunObserver for Recorder {
             return Ok(());
         };
         rows.heard += 1;
-        if is_at_rest {
+        let silent = rows.latest.replace(time.seconds()).map_or(0.0, |latest| time.seconds() - latest);
+        // A latency moves the times by far less than half of an outage. A gap of the log that is as long counts as well.
+        let is_expected = self.outage.is_some_and(|outage| silent < 0.5 * outage);
+        if is_at_rest || is_expected {
             return Ok(());
         }
         let (r, l) = (update.residual, update.innovation_factor);

@@ -28,6 +28,7 @@ const SMOOTH: f64 = 1e-3;
 
 /// A row, and how it changes.
 struct Row {
+    run: usize,
     log: usize,
     sensor: usize,
     number: u32,
@@ -59,19 +60,21 @@ impl Sensitivity {
         });
         let beside = beside.collect::<Result<Vec<Score>, Diagnostics>>()?;
         let mut rows = Vec::new();
-        for (log, (sensors, from)) in base.logs.iter().enumerate() {
+        for (run, (sensors, from)) in base.runs.iter().enumerate() {
+            let log = trials.log_of(run);
             for (sensor, own) in sensors.iter().enumerate() {
                 let Some(own) = own else { continue };
                 for k in (0..own.len()).filter(|k| own.times[*k] >= *from) {
                     let number = own.numbers[k];
                     let changes = beside.iter().map(|score| {
-                        let other = score.logs[log].0[sensor].as_ref()?;
+                        let other = score.runs[run].0[sensor].as_ref()?;
                         let mut change = change(own.innovation(k), other.innovation(other.at(number)?));
                         change.iter_mut().for_each(|c| *c /= step);
                         Some(change)
                     });
                     if let Some(changes) = changes.collect() {
                         rows.push(Row {
+                            run,
                             log,
                             sensor,
                             number,
@@ -86,7 +89,7 @@ impl Sensitivity {
         let mut made = Self {
             free: free.to_vec(),
             rows,
-            spans: (0..base.logs.len()).map(|log| base.span(log)).collect(),
+            spans: (0..base.logs().len()).map(|log| base.span(log)).collect(),
             efficiency: trials.densities.iter().map(|d| d.map_or(0.0, |d| d.efficiency())).collect(),
         };
         made.slopes(trials, base);
@@ -97,7 +100,7 @@ impl Sensitivity {
     pub(super) fn follow(&mut self, trials: &Trials<'_>, step: &DVector<f64>, from: &Score, to: &Score) {
         let square = step.norm_squared();
         self.rows.retain_mut(|row| {
-            let sensors = (&from.logs[row.log].0[row.sensor], &to.logs[row.log].0[row.sensor]);
+            let sensors = (&from.runs[row.run].0[row.sensor], &to.runs[row.run].0[row.sensor]);
             let (Some(one), Some(other)) = sensors else { return false };
             let (Some(k), Some(at)) = (one.at(row.number), other.at(row.number)) else {
                 return false;
@@ -123,7 +126,7 @@ impl Sensitivity {
     /// The slopes of the rows at a score.
     fn slopes(&mut self, trials: &Trials<'_>, at: &Score) {
         for row in &mut self.rows {
-            let found = at.logs[row.log].0[row.sensor]
+            let found = at.runs[row.run].0[row.sensor]
                 .as_ref()
                 .and_then(|own| Some((own, own.at(row.number)?)));
             let (Some((own, k)), Some(density)) = (found, trials.densities[row.sensor]) else {

@@ -1,5 +1,6 @@
 //! Runs of the logs with other noises, and the innovations that they give.
 
+use super::outage::Replay;
 use super::record::{Recorder, Rows};
 use super::{Log, Parameter, Settings, white};
 use crate::likelihood::Density;
@@ -25,16 +26,35 @@ impl Part {
     }
 }
 
+/// The gain of a row from one θ to another one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gain {
+    pub(super) sensor: usize,
+    pub(super) time: f64,
+    /// Whether it is the first row of its sensor after an outage.
+    pub(super) is_after_outage: bool,
+    pub(super) nats: f64,
+}
+
+/// The rows of a run by sensor, and from when they count \[s\].
+pub(super) type Run = (Vec<Option<Rows>>, f64);
+
 /// The innovations of all logs at one θ.
 pub(super) struct Score {
-    /// For each log its rows by sensor, and from when they count \[s\].
-    pub(super) logs: Vec<(Vec<Option<Rows>>, f64)>,
+    /// The runs of the logs, then the replays with outages.
+    pub(super) runs: Vec<Run>,
+    logs: usize,
 }
 
 impl Score {
+    /// The runs of the logs, without outages.
+    pub(super) fn logs(&self) -> &[Run] {
+        &self.runs[..self.logs]
+    }
+
     /// The time in which rows of a log count \[s\].
     pub(super) fn span(&self, log: usize) -> (f64, f64) {
-        let (sensors, from) = &self.logs[log];
+        let (sensors, from) = &self.logs()[log];
         let ends = sensors.iter().flatten().filter_map(|rows| rows.times.last().copied());
         (*from, ends.fold(*from, f64::max))
     }
@@ -55,7 +75,7 @@ impl Score {
                 to: edge(k + 1),
             })
         };
-        (0..self.logs.len()).flat_map(of).collect()
+        (0..self.logs).flat_map(of).collect()
     }
 }
 
@@ -66,13 +86,25 @@ pub(super) struct Trials<'a> {
     pub(super) densities: Vec<Option<Density>>,
     /// For each log: the streams of which one row in so many is used.
     pub(super) thinning: Vec<Vec<white::Thinned>>,
+    /// Further runs of the logs, with outages.
+    pub(super) replays: Vec<Replay>,
     pub(super) settings: &'a Settings,
     pub(super) runs: &'a AtomicU64,
 }
 
 impl Trials<'_> {
+    /// The log of a run.
+    pub(super) fn log_of(&self, run: usize) -> usize {
+        run.checked_sub(self.logs.len()).map_or(run, |k| self.replays[k].log)
+    }
+
     pub(super) fn is_thinned(&self) -> bool {
         self.thinning.iter().any(|log| !log.is_empty())
+    }
+
+    /// The length of the outages \[s\].
+    pub(super) fn outage(&self) -> f64 {
+        self.settings.outage.as_ref().map_or(0.0, |outage| outage.duration)
     }
 
     /// Whether no decision of a gate makes the likelihood jump.
@@ -88,26 +120,33 @@ impl Trials<'_> {
 
     /// The innovations of all logs at `theta`.
     pub(super) fn at(&self, theta: &[f64]) -> Result<Score, Diagnostics> {
-        let each: Result<Vec<_>, Diagnostics> = (0..self.logs.len()).into_par_iter().map(|log| self.run(log, theta)).collect();
-        Ok(Score { logs: each? })
+        let runs = self.logs.len() + self.replays.len();
+        let each: Result<Vec<Run>, Diagnostics> = (0..runs).into_par_iter().map(|run| self.run(run, theta)).collect();
+        Ok(Score {
+            runs: each?,
+            logs: self.logs.len(),
+        })
     }
 
-    /// The innovations of one log, and when they begin to count.
-    fn run(&self, log: usize, theta: &[f64]) -> Result<(Vec<Option<Rows>>, f64), Diagnostics> {
-        let own = &self.logs[log];
+    /// The innovations of one run, and when they begin to count.
+    fn run(&self, run: usize, theta: &[f64]) -> Result<Run, Diagnostics> {
+        let replay = run.checked_sub(self.logs.len()).map(|k| &self.replays[k]);
+        let own = &self.logs[self.log_of(run)];
         let mut document = own.document.clone();
         for (parameter, theta) in self.parameters.iter().zip(theta) {
             document.apply(&parameter.times(math::exp(*theta), None))?;
         }
-        for thinned in &self.thinning[log] {
-            document.apply(&thinned.edit())?;
-        }
+        let edits: Vec<Edit> = match replay {
+            None => self.thinning[run].iter().map(white::Thinned::edit).collect(),
+            Some(replay) => replay.edits().to_vec(),
+        };
+        edits.iter().try_for_each(|edit| document.apply(edit))?;
         // No run is scored.
         if document.root().get("reference").is_some() {
             document.apply(&Edit::leave_out("reference"))?;
         }
         let design = Design::read(document)?;
-        let mut recorder = Recorder::new(&design, &self.densities);
+        let mut recorder = Recorder::new(&design, &self.densities, replay.map(|replay| replay.duration));
         let summary = run_sharing(&design, &own.options, &SharedCourse::default(), &mut [&mut recorder])?;
         self.runs.fetch_add(1, Ordering::Relaxed);
         let health = summary.health().iter().find(|h| h.filter.is_empty());
@@ -118,7 +157,8 @@ impl Trials<'_> {
     /// ln L of the rows that `counts` selects by log and time.
     pub(super) fn log_likelihood(&self, score: &Score, counts: &dyn Fn(usize, f64) -> bool) -> f64 {
         let mut sum = 0.0;
-        for (log, (sensors, from)) in score.logs.iter().enumerate() {
+        for (run, (sensors, from)) in score.runs.iter().enumerate() {
+            let log = self.log_of(run);
             for (rows, density) in sensors.iter().zip(&self.densities) {
                 let (Some(rows), Some(density)) = (rows, density) else { continue };
                 for k in (0..rows.len()).filter(|k| rows.times[*k] >= *from && counts(log, rows.times[*k])) {
@@ -132,21 +172,27 @@ impl Trials<'_> {
 
     /// The gain in nats from `a` to `b`, over the rows of both that `counts` selects by log and time.
     pub(super) fn gain(&self, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> f64 {
-        self.gains(a, b, counts).iter().map(|(_, gain)| gain).sum()
+        self.gains(a, b, counts).iter().map(|gain| gain.nats).sum()
     }
 
-    /// The same, row by row: the time of each, and its gain.
-    pub(super) fn gains(&self, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> Vec<(f64, f64)> {
+    /// The same, row by row.
+    pub(super) fn gains(&self, a: &Score, b: &Score, counts: &dyn Fn(usize, f64) -> bool) -> Vec<Gain> {
         let mut gains = Vec::new();
-        for (log, ((one, from), (other, _))) in a.logs.iter().zip(&b.logs).enumerate() {
-            for ((one, other), density) in one.iter().zip(other).zip(&self.densities) {
+        for (run, ((one, from), (other, _))) in a.runs.iter().zip(&b.runs).enumerate() {
+            let log = self.log_of(run);
+            for (sensor, ((one, other), density)) in one.iter().zip(other).zip(&self.densities).enumerate() {
                 let (Some(one), Some(other), Some(density)) = (one, other, density) else {
                     continue;
                 };
                 for k in (0..one.len()).filter(|k| one.times[*k] >= *from && counts(log, one.times[*k])) {
                     let Some(at) = other.at(one.numbers[k]) else { continue };
                     let ((r, l), (r_b, l_b)) = (one.innovation(k), other.innovation(at));
-                    gains.push((one.times[k], density.log(r_b, l_b) - density.log(r, l)));
+                    gains.push(Gain {
+                        sensor,
+                        time: one.times[k],
+                        is_after_outage: run >= self.logs.len(),
+                        nats: density.log(r_b, l_b) - density.log(r, l),
+                    });
                 }
             }
         }

@@ -15,6 +15,9 @@ const FEWEST: usize = 5 * LAGS;
 /// A gated sensor is judged by the innovations that a good row has with this probability.
 const GOOD: f64 = 0.99;
 
+/// The share of parts of a log in which σ is at most `varies` times the average, if the designer declares none.
+const COVERED: f64 = 0.95;
+
 /// The independence of the innovations of a sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Independence {
@@ -33,8 +36,9 @@ pub struct Independence {
     /// times the sum of their autocorrelations. Up to 1, the noise covers a correlation, and the rows may be correlated.
     /// Far above 1, an error lasts that has no state.
     pub overweighted: f64,
-    /// How much larger σ is than on average, in one of twenty parts of a log such as this one; 1 if nothing refutes that
-    /// σ is constant. No refusal follows from it: one noise cannot describe such a sensor.
+    /// How much larger σ is than on average, in one of twenty parts of a log such as this one, or in the share of parts that
+    /// [`Settings::cover`](super::Settings::cover) leaves out; 1 if nothing refutes that σ is constant. No refusal follows
+    /// from it: one noise cannot describe such a sensor.
     pub varies: f64,
     /// Whether nothing refutes that the rows are used as what they are.
     pub is_white: bool,
@@ -69,7 +73,7 @@ impl Thinned {
 }
 
 /// The table of the stream of a sensor.
-fn table(design: &Design, sensor: usize) -> String {
+pub(super) fn table(design: &Design, sensor: usize) -> String {
     let (name, source) = (&design.sensors[sensor].name, &design.sensors[sensor].block.common.source);
     // A simulated instrument has the name of the sensor or of its stream.
     let simulated = [name, source].map(|name| format!("simulation.sensor.{name}"));
@@ -86,7 +90,7 @@ pub(super) fn judge(design: &Design, trials: &Trials<'_>, score: &Score) -> Vec<
     let of = |sensor: usize| {
         let gated = trials.densities[sensor]? != Density::Normal;
         let logs = score
-            .logs
+            .logs()
             .iter()
             .filter_map(|(sensors, from)| Some((sensors[sensor].as_ref()?, *from)));
         let logs: Vec<(&Rows, f64)> = logs.collect();
@@ -101,7 +105,7 @@ pub(super) fn judge(design: &Design, trials: &Trials<'_>, score: &Score) -> Vec<
         let whiteness = ljung_box(&all, math::sqrt(limit));
         let distribution = kolmogorov(all.iter().flatten().map(|w| w.iter().map(|w| w * w).sum()), m, limit);
         let blocks = logs.iter().flat_map(|(rows, from)| squares(rows, *from, limit)).collect::<Vec<_>>();
-        let varies = variation(&blocks, m, trials.settings.false_refusal);
+        let varies = variation(&blocks, m, trials.settings.cover.unwrap_or(COVERED), trials.settings.false_refusal);
         let overweighted = all.iter().map(|log| overweight(log)).fold(0.0, f64::max);
         let stream = table(design, sensor);
         let thinned = trials.thinning.iter().flatten().find(|t| t.table == stream);
@@ -144,15 +148,13 @@ fn squares(rows: &Rows, from: f64, limit: f64) -> [(f64, f64); BLOCKS] {
     blocks
 }
 
-/// The factor that σ exceeds in one block of twenty, from rows and sum of the NIS of each; 1 if the means of the blocks
+/// The factor that σ exceeds in a share of 1 − `covered` of the blocks, from rows and sum of the NIS of each; 1 if the means of the blocks
 /// do not differ more than chance allows.
 ///
 /// ```text
 /// q_b = mean of block / mean of all;  Σ m n_b (q_b − 1)² / 2 ~ χ²(B − 1);  ln q_b = ln of its σ² + chance of 2/(m n_b)
 /// ```
-fn variation(blocks: &[(f64, f64)], m: usize, probability: f64) -> f64 {
-    /// One in twenty is above 1.645σ of a normal distribution.
-    const ABOVE: f64 = 1.645;
+fn variation(blocks: &[(f64, f64)], m: usize, covered: f64, probability: f64) -> f64 {
     let filled: Vec<(f64, f64)> = blocks.iter().copied().filter(|(rows, sum)| *rows > 0.0 && *sum > 0.0).collect();
     let (rows, sum) = filled.iter().fold((0.0, 0.0), |all, own| (all.0 + own.0, all.1 + own.1));
     let weights = filled.iter().map(|(rows, _)| 0.5 * m as f64 * rows);
@@ -169,7 +171,9 @@ fn variation(blocks: &[(f64, f64)], m: usize, probability: f64) -> f64 {
     let mean = ratios.iter().map(|q| math::ln(*q)).sum::<f64>() / count;
     let variance = ratios.iter().map(|q| math::powi(math::ln(*q) - mean, 2)).sum::<f64>() / (count - 1.0);
     let by_chance = weights.map(|weight| 1.0 / weight).sum::<f64>() / count;
-    math::exp(0.5 * ABOVE * math::sqrt((variance - by_chance).max(0.0)))
+    // The square of a standard normal variable is below this where the variable is within ± the quantile.
+    let above = math::sqrt(chi_square_quantile((2.0 * covered - 1.0).max(0.0), 1.0));
+    math::exp(0.5 * above * math::sqrt((variance - by_chance).max(0.0)))
 }
 
 /// The probability of autocorrelations as large as these. Larger values than `limit` count as `limit`.
@@ -235,7 +239,7 @@ pub(super) fn thin(trials: &mut Trials<'_>, design: &Design, found: &[Independen
 /// Thins the streams of all sensors with enough rows. Returns false if no sensor has.
 pub(super) fn thin_all(trials: &mut Trials<'_>, design: &Design, score: &Score) -> bool {
     let rows = |sensor: usize| {
-        let each = score.logs.iter().filter_map(|(sensors, _)| sensors[sensor].as_ref());
+        let each = score.logs().iter().filter_map(|(sensors, _)| sensors[sensor].as_ref());
         each.map(Rows::len).sum::<usize>()
     };
     let sensors: Vec<usize> = (0..design.sensors.len()).filter(|sensor| rows(*sensor) >= 2 * FEWEST).collect();
@@ -255,7 +259,7 @@ fn thin_sensors(trials: &mut Trials<'_>, design: &Design, sensors: &[usize], sco
                 has_thinned = true;
                 continue;
             }
-            let Some(rows) = score.logs[log].0[sensor].as_ref().filter(|rows| rows.len() > 1) else {
+            let Some(rows) = score.logs()[log].0[sensor].as_ref().filter(|rows| rows.len() > 1) else {
                 continue;
             };
             let gaps = rows.times.windows(2).map(|pair| pair[1] - pair[0]);
@@ -313,9 +317,9 @@ mod tests {
             let of = |(b, rows): (usize, &[Vec<f64>])| (100.0, rows.iter().map(|w| (sigma(b) * w[0]).powi(2)).sum());
             rows.chunks(100).enumerate().map(of).collect::<Vec<(f64, f64)>>()
         };
-        assert!((1..20).all(|seed| variation(&blocks(0.0, seed), 1, 1e-3) == 1.0));
+        assert!((1..20).all(|seed| variation(&blocks(0.0, seed), 1, 0.95, 1e-3) == 1.0));
         // ln σ is ±0.5, with the deviation 0.5 √(20/19); 5 % of 2000 rows determine it to a tenth.
-        let found = variation(&blocks(0.5, 1), 1, 1e-3).ln();
+        let found = variation(&blocks(0.5, 1), 1, 0.95, 1e-3).ln();
         assert!((found / (1.645 * 0.513) - 1.0).abs() < 0.1, "{found}");
     }
 
