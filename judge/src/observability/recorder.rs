@@ -135,11 +135,7 @@ impl Recorder {
 
     fn step(&mut self, step: &Step) {
         match step {
-            Step::Predicted {
-                transition,
-                posterior,
-                ..
-            } => {
+            Step::Predicted { transition, posterior, .. } => {
                 let before: Vec<Change> = transition.noise_before().collect();
                 let mut after: Vec<Change> = transition.noise_after().collect();
                 self.changes.clear();
