@@ -12,7 +12,8 @@ const PANEL: (f64, f64) = (280.0, 170.0);
 const PLOT: (f64, f64) = (226.0, 110.0);
 const LEFT: f64 = 34.0;
 const TOP: f64 = 30.0;
-/// A line of the key.
+/// The height of the key's first line, and the distance between its lines.
+const KEY: f64 = 62.0;
 const LINE: f64 = 18.0;
 /// For the sources that bring most, then for all others together. Readers with red-green colour blindness can also
 /// distinguish these colours (Okabe and Ito).
@@ -27,13 +28,14 @@ const NAMED: usize = COLOURS.len() - 1;
 pub fn svg(budget: &Budget) -> String {
     let named = largest(budget);
     let key = (named.len() + usize::from(named.len() < budget.sources.len())) as f64;
-    let head = 44.0 + LINE * math::ceil(key / 2.0);
+    let head = KEY + LINE * math::ceil(key / 2.0);
     let rows = budget.states.len().div_ceil(COLUMNS) as f64;
     let height = head + PANEL.1 * rows;
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" width=\"{WIDTH}\" height=\"{height}\" \
          font-family=\"sans-serif\" font-size=\"11\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n\
-         <text x=\"{LEFT}\" y=\"24\" font-size=\"15\">Shares of the error variance over time: {}</text>\n",
+         <text x=\"{LEFT}\" y=\"24\" font-size=\"15\">Shares of the error variance over time</text>\n\
+         <text x=\"{LEFT}\" y=\"42\">{}</text>\n",
         escaped(&budget.description)
     );
     let mut names: Vec<&str> = named.iter().map(|source| budget.sources[*source].as_str()).collect();
@@ -41,7 +43,7 @@ pub fn svg(budget: &Budget) -> String {
         names.push("all others");
     }
     for (k, name) in names.iter().enumerate() {
-        let (x, y) = (LEFT + 420.0 * (k % 2) as f64, 44.0 + LINE * (k / 2) as f64);
+        let (x, y) = (LEFT + 420.0 * (k % 2) as f64, KEY + LINE * (k / 2) as f64);
         let colour = if *name == "all others" { COLOURS[NAMED] } else { COLOURS[k] };
         let _ = writeln!(
             out,
