@@ -258,7 +258,8 @@ impl Follower {
             }
         }
         self.last = Some(Last { time, heading, attitude });
-        if block.duration() < SHORTEST {
+        // The difference of two times is rounded, by less than a microsecond.
+        if block.duration() < SHORTEST - 1e-6 {
             return None;
         }
         if block.turn.abs() >= RATE * block.duration() {
@@ -350,6 +351,7 @@ mod tests {
                 blocks.extend(follower.take(time, &solution));
             }
         }
+        blocks.extend(follower.cut());
         while blocks.len() > 8 {
             let pair = most_alike(&blocks).unwrap();
             let next = blocks.remove(pair + 1);
