@@ -97,20 +97,20 @@ pub(super) fn gains<'a>(trials: &Trials<'_>, declared: impl Iterator<Item = &'a 
         .collect()
 }
 
-/// The sensors that lose more likelihood than the 1σ of this loss. Each innovation has its highest expected likelihood at
-/// the true noises, for each sensor. So the gain of one sensor cannot pay for the loss of another: if both are real,
-/// the design lacks a state, and the noise that is found replaces it.
-pub(super) fn losing(trials: &Trials<'_>, gains: &[Gain]) -> Vec<usize> {
+/// The sensors, of this number, that lose more likelihood than the 1σ of this loss; with too few rows for a σ, those that
+/// lose. Each innovation has its highest expected likelihood at the true noises, for each sensor. So the gain of one sensor
+/// cannot pay for the loss of another: if both are real, the design lacks a state, and the noise that is found replaces it.
+pub(super) fn losing(sensors: usize, gains: &[Gain]) -> Vec<usize> {
     let is_loss = |sensor: &usize| {
         let own = difference(None, &sorted(gains, |gain| gain.sensor == *sensor && !gain.is_after_outage));
-        own.nats < -own.sigma
+        own.nats < if own.sigma.is_nan() { 0.0 } else { -own.sigma }
     };
-    (0..trials.densities.len()).filter(is_loss).collect()
+    (0..sensors).filter(is_loss).collect()
 }
 
 /// Whether a sensor loses, or the rows after outages do.
 fn loses(trials: &Trials<'_>, gains: &[Gain]) -> bool {
-    !losing(trials, gains).is_empty() || is_worse(gains, trials.outage())
+    !losing(trials.densities.len(), gains).is_empty() || is_worse(gains, trials.outage())
 }
 
 /// Time and nats of some gains, in order of time.
@@ -162,4 +162,29 @@ fn is_needed(trials: &Trials<'_>, point: &Point, j: usize, progress: &(dyn Fn(u6
     let without = climb(trials, point.pinned(&[(j, point.theta[j] - PRIOR)]), progress)?;
     let cost = trials.log_likelihood(&point.score, &all_rows) - trials.log_likelihood(&without.score, &all_rows);
     Ok(cost > 0.5 * chi_square_quantile(1.0 - CHANCE, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_loss_beyond_chance_of_any_sensor_is_found_however_much_another_one_gains() {
+        let rows = |sensor: usize, count: u32, each: fn(u32) -> f64| {
+            (0..count).map(move |k| Gain {
+                sensor,
+                time: f64::from(k),
+                is_after_outage: false,
+                nats: each(k),
+            })
+        };
+        let mut gains: Vec<Gain> = rows(0, 400, |_| 10.0).collect();
+        // A row in each block of time, ±1: 1σ of the sum is √20 · √(20/19) = 4.6. Sensor 1 loses 4, sensor 2 loses 6.
+        gains.extend(rows(1, 20, |k| if k.is_multiple_of(2) { 0.8 } else { -1.2 }));
+        gains.extend(rows(2, 20, |k| if k.is_multiple_of(2) { 0.7 } else { -1.3 }));
+        // Too few rows for a σ.
+        gains.extend(rows(3, 5, |_| -0.1));
+        gains.extend(rows(4, 5, |_| 0.1));
+        assert_eq!(losing(6, &gains), [2, 3]);
+    }
 }

@@ -239,7 +239,7 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
     let coasting = outage::coasting(&design, &trials, &declared, &unseen);
     let gains = keep::gains(&trials, std::iter::repeat(&declared), &unseen);
     let is_worse_after_outages = outage::is_worse(&gains, trials.outage());
-    let losing = keep::losing(&trials, &gains)
+    let losing = keep::losing(trials.densities.len(), &gains)
         .into_iter()
         .map(|sensor| design.sensors[sensor].name.clone())
         .collect();
