@@ -39,8 +39,8 @@ pub(super) struct TuneArgs {
     #[arg(long, value_name = "FACTOR")]
     within: Option<f64>,
     /// An outage over which the filter has to predict, as `30 s` for all instruments or `gnss=30 s` for a source or a
-    /// sensor. The rows after such outages join the likelihood, and no noise is changed that loses them. Each run becomes
-    /// three.
+    /// sensor. The rows after such outages join the likelihood. If a change makes them less probable, the noise keeps its
+    /// declared value. Each run becomes three.
     #[arg(long, value_name = "[NAME=]TIME", value_parser = outage)]
     outage: Option<Outage>,
     /// The share of parts of a log in which a found noise has to hold, such as 0.95, where the noise of a sensor changes

@@ -47,7 +47,7 @@ mod record;
 mod tape;
 
 pub use interval::{FixedInterval, Smoothed};
-pub use iterated::{Convergence, IteratedInterval, Optimum, Replayed, Unsound};
+pub use iterated::{IteratedInterval, Iteration, Optimum, Replayed, Unsound};
 pub use lag::FixedLag;
 pub use link::Link;
 pub use record::Unreadable;

@@ -14,7 +14,7 @@ use fusion_core::belief::Belief;
 use fusion_core::filter::Step;
 use fusion_core::memory::{self, Memory};
 use fusion_core::runner::{Event, Halt, Observer};
-use fusion_core::smoother::{Convergence, FixedInterval, FixedLag, IteratedInterval, Link, Replayed, Tape};
+use fusion_core::smoother::{FixedInterval, FixedLag, IteratedInterval, Iteration, Link, Replayed, Tape};
 use fusion_core::time::Time;
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -32,40 +32,6 @@ pub struct Smoothed {
     pub iteration: Option<Iteration>,
     /// Their score against the reference.
     pub score: Option<Score>,
-}
-
-/// How an iteration of smoothing ended.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Iteration {
-    /// Linearisations of the whole log.
-    pub iterations: u32,
-    /// Steps that were shortened because they did not lower the cost.
-    pub shortened: u32,
-    /// The largest distance of a state from the optimum, in its smoothed σ, by the last two changes.
-    pub distance: f64,
-    /// The sum of the squares of residuals, noise and initial error, each in its σ.
-    pub cost: f64,
-    /// Whether that distance is below a millionth of σ.
-    pub is_converged: bool,
-}
-
-impl From<Convergence> for Iteration {
-    fn from(found: Convergence) -> Self {
-        let Convergence {
-            iterations,
-            shortened,
-            distance,
-            cost,
-            is_converged,
-        } = found;
-        Self {
-            iterations,
-            shortened,
-            distance,
-            cost,
-            is_converged,
-        }
-    }
 }
 
 impl Section for Smoothed {
@@ -350,7 +316,7 @@ impl SectionObserver for Smoother<'_> {
             }
             By::Iterated(interval, back) => {
                 let (mut beliefs, found) = interval.smooth(back)?;
-                iteration = Some(found.into());
+                iteration = Some(found);
                 while let Some(belief) = beliefs.read()? {
                     tell(belief)?;
                 }

@@ -11,7 +11,7 @@ mod saving;
 mod sections;
 mod smoothing;
 
-pub use crate::observe::{Counts, Failures, FinalState, InsideScore, Iteration, Smoothed, Start, Summary, UnusedRows};
+pub use crate::observe::{Counts, Failures, FinalState, InsideScore, Smoothed, Start, Summary, UnusedRows};
 pub use crate::rows::{KeptRows, SourceStatistics};
 pub use advice::{Advisor, Finding, Ignored, Rule};
 pub use faults::FaultWindow;

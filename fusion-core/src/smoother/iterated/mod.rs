@@ -42,6 +42,7 @@ use crate::model::{LastInput, Process};
 use crate::runner::Halt;
 use crate::state::Layout;
 use record::{Linear, Operation, Planned};
+use serde::Serialize;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -58,8 +59,8 @@ const SHORTEST: f64 = 1e-3;
 const ENOUGH: f64 = 1e-4;
 
 /// How the iteration ended.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Convergence {
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Iteration {
     /// Linearisations of the whole log.
     pub iterations: u32,
     /// Steps that were shortened because they did not lower the merit.
@@ -195,10 +196,10 @@ impl IteratedInterval {
     ///
     /// # Errors
     /// Where a record cannot be kept or read back, or the linear problem is not sound.
-    pub fn smooth(mut self, mut back: Tape) -> Result<(Optimum, Convergence), Halt> {
+    pub fn smooth(mut self, mut back: Tape) -> Result<(Optimum, Iteration), Halt> {
         // The filter has linearised at its own estimates: there is no trajectory to compare the first one with.
         let mut sums = self.backward(&mut back, true)?;
-        let (mut part, mut change, mut told) = (1.0, f64::INFINITY, Convergence::START);
+        let (mut part, mut change, mut told) = (1.0, f64::INFINITY, Iteration::START);
         for _ in 0..PASSES {
             let merit = self.forward(&mut back, part, &sums)?;
             let least = if told.iterations > 0 && change > SMALL {
@@ -251,7 +252,7 @@ impl IteratedInterval {
     }
 }
 
-impl Convergence {
+impl Iteration {
     const START: Self = Self {
         iterations: 0,
         shortened: 0,

@@ -126,7 +126,7 @@ impl Rig {
 
     /// The estimates of the iteration by Cholesky factorisation.
     #[cfg(feature = "faer")]
-    fn batch(self) -> (Vec<Belief>, Convergence) {
+    fn batch(self) -> (Vec<Belief>, Iteration) {
         let (mut batch, how) = self.iterated.by_cholesky().unwrap().smooth(tape()).unwrap();
         let mut all = Vec::new();
         while let Some(belief) = batch.read().unwrap() {
@@ -136,7 +136,7 @@ impl Rig {
     }
 
     /// The estimates of both smoothers, and how the iteration ended.
-    fn smoothed(self) -> (Vec<Belief>, Vec<Belief>, Convergence) {
+    fn smoothed(self) -> (Vec<Belief>, Vec<Belief>, Iteration) {
         let (mut plain, (mut iterated, how)) = (self.plain.smooth(tape()).unwrap(), self.iterated.smooth(tape()).unwrap());
         let (mut once, mut again) = (Vec::new(), Vec::new());
         while let Some(belief) = plain.read().unwrap() {
