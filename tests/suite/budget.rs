@@ -56,10 +56,14 @@ fn a_mistuned_filter_reports_another_sigma_than_its_errors_have() {
 }
 
 #[test]
-fn a_design_without_a_world_and_a_bank_are_refused() {
+fn a_design_without_a_world_a_bank_and_a_late_time_are_refused() {
     let w = Workspace::new("budget-refused");
     let series = w.fusion(&["budget", &format!("{ROOT}/configs/series/nile.toml")]).code(2);
     assert!(stderr(&series).contains("a budget needs a simulated world"), "{}", stderr(&series));
     let bank = w.fusion(&["budget", &format!("{ROOT}/configs/after-outage.toml")]).code(2);
     assert!(stderr(&bank).contains("a bank of hypotheses has no budget"), "{}", stderr(&bank));
+    let late = w
+        .fusion(&["budget", &format!("{ROOT}/configs/ins-gps.toml"), "--at", "60 s,10 min"])
+        .code(2);
+    assert!(stderr(&late).contains("no shares at 600 s"), "{}", stderr(&late));
 }

@@ -226,6 +226,20 @@ fn an_outage_that_does_not_fit_or_has_no_instrument_is_an_error() {
     assert!(stderr(&other).contains("no instrument has this name"), "{}", stderr(&other));
 }
 
+#[test]
+fn a_start_with_a_mistake_or_with_the_declared_values_is_an_error() {
+    let w = Workspace::new("tune-start");
+    let design = format!("{ROOT}/configs/ins-gps.toml");
+    let slip = w.fusion(&["tune", &design, "--start", "sensor.positoin.noise.sigma=1 m"]).code(2);
+    assert!(stderr(&slip).contains("positoin"), "{}", stderr(&slip));
+    let other = w.fusion(&["tune", &design, "--start", "run.seed=2"]).code(2);
+    assert!(
+        stderr(&other).contains("has the declared value of every noise"),
+        "{}",
+        stderr(&other)
+    );
+}
+
 /// The velocity of the simulated receiver is four times worse in every other quarter of a minute.
 #[test]
 fn a_noise_that_changes_along_the_log_covers_the_declared_share_of_it() {

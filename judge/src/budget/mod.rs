@@ -45,7 +45,7 @@ pub use chart::svg;
 pub use result::{Budget, Course, SensorRows, Split, StateBudget};
 
 use follower::Follower;
-use fusion::config::Diagnostics;
+use fusion::config::{Diagnostic, Diagnostics};
 use fusion::design::Design;
 use fusion::provenance::Provenance;
 use fusion::run::{Options, Run};
@@ -64,7 +64,7 @@ pub struct Settings {
 ///
 /// # Errors
 /// Mistakes of the design; a design without a simulated world, with a bank of hypotheses, or with a process whose input no
-/// simulated instrument measures.
+/// simulated instrument measures; a time after the last estimate.
 pub fn budget(design: &Design, settings: &Settings) -> Result<Budget, Diagnostics> {
     // A recorded log is not opened in vain.
     simulated(design)?;
@@ -79,6 +79,12 @@ pub fn budget(design: &Design, settings: &Settings) -> Result<Budget, Diagnostic
     let mut follower = Follower::new(design, world, run.assembly(), &at);
     run.go(&mut [&mut follower], &mut |_| {})?.keep()?;
     let (sources, states, course, rows, outside) = follower.finish();
+    if let Some(first) = states.first()
+        && let Some(missing) = at.get(first.at.len())
+    {
+        let error = Diagnostic::error(format!("no shares at {missing} s: the last estimate is at {} s", first.end.time));
+        return Err(error.help("ask for earlier times").into());
+    }
     let budget = Budget {
         description: design.run.description.clone(),
         provenance: Provenance::of(design, settings.seed),

@@ -206,6 +206,7 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
     if parameters.is_empty() {
         return Err(Diagnostic::error("the design declares no noise that can be tuned").into());
     }
+    check_starts(&design, &parameters, &settings.starts)?;
     let runs = AtomicU64::new(0);
     let mut trials = Trials {
         logs,
@@ -375,6 +376,20 @@ fn agree(all: &Point, half: &Point, probability: f64) -> bool {
         .collect();
     let limit = chi_square_quantile(1.0 - probability / known.len().max(1) as f64, 1.0);
     known.iter().all(|square| *square <= limit)
+}
+
+/// Refuses a start with a mistake, and one that is the declared design.
+fn check_starts(design: &Design, parameters: &[Parameter], starts: &[Document]) -> Result<(), Diagnostics> {
+    for other in starts {
+        Design::read(other.clone())?;
+        let is_other = |parameter: &Parameter| parameter.over_declared(&design.document, other).is_some_and(|theta| theta != 0.0);
+        if !parameters.iter().any(is_other) {
+            let paths: Vec<&str> = parameters.iter().map(|parameter| &*parameter.path).collect();
+            let error = Diagnostic::error("a start has the declared value of every noise that is tuned");
+            return Err(error.help(format!("change one of `{}`", paths.join("`, `"))).into());
+        }
+    }
+    Ok(())
 }
 
 /// The best of the starts: the common factor of all noises, or the end of a search from declared starts.

@@ -148,8 +148,8 @@ fn squares(rows: &Rows, from: f64, limit: f64) -> [(f64, f64); BLOCKS] {
     blocks
 }
 
-/// The factor that σ exceeds in a share of 1 − `covered` of the blocks, from rows and sum of the NIS of each; 1 if the means of the blocks
-/// do not differ more than chance allows.
+/// The factor that σ exceeds in a share of 1 − `covered` of the blocks, from rows and sum of the NIS of each; 1 if the
+/// means of the blocks do not differ more than chance allows.
 ///
 /// ```text
 /// q_b = mean of block / mean of all;  Σ m n_b (q_b − 1)² / 2 ~ χ²(B − 1);  ln q_b = ln of its σ² + chance of 2/(m n_b)
