@@ -157,7 +157,7 @@ impl Shown<'_, Summary> {
             ]);
             for skipped in &r.skipped {
                 notes.push(format!("{}: left out {}: {}", s.name, skipped.count, skipped.reason));
-                notes.extend(skipped.examples.iter().map(|e| format!("  line {}: {}", e.line, e.what)));
+                notes.extend(skipped.examples.iter().map(|e| format!("  {} {}: {}", e.counted, e.number, e.what)));
             }
             let disturbed = r.disturbed.iter();
             notes.extend(disturbed.map(|(fault, count)| format!("{}: disturbed {count}: fault {fault}", s.name)));

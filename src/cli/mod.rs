@@ -461,6 +461,7 @@ impl From<std::io::Error> for Failure {
 
 /// Runs the command.
 pub fn main() -> ExitCode {
+    fusion_formats::link();
     #[cfg(unix)]
     if let Err(error) = stop::watch() {
         report(&Diagnostic::warning(format!("a stop may leave unfinished files: {error}")).into());

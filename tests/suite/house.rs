@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// The crates in order of dependency, as ARCHITECTURE.md draws them: folder, package, and the packages that it may use.
-const CRATES: [(&str, &str, &[&str]); 9] = [
+const CRATES: [(&str, &str, &[&str]); 10] = [
     ("kernels", "fusion-kernels", &[]),
     ("fusion-core", "fusion-core", &["fusion-kernels"]),
     ("models", "fusion-models", &["fusion-core"]),
@@ -21,6 +21,7 @@ const CRATES: [(&str, &str, &[&str]); 9] = [
         "fusion-advice",
         &["fusion", "fusion-core", "fusion-models", "fusion-tables"],
     ),
+    ("formats", "fusion-formats", &["fusion"]),
     (
         "present",
         "fusion-present",
@@ -29,7 +30,14 @@ const CRATES: [(&str, &str, &[&str]); 9] = [
     (
         ".",
         "fusion-cli",
-        &["fusion", "fusion-advice", "fusion-judge", "fusion-present", "fusion-tables"],
+        &[
+            "fusion",
+            "fusion-advice",
+            "fusion-formats",
+            "fusion-judge",
+            "fusion-present",
+            "fusion-tables",
+        ],
     ),
 ];
 

@@ -4,6 +4,7 @@ use super::Day;
 use super::numbers::{median, quantile};
 use super::signal::factor;
 use super::words::{Words, contains};
+use fusion::source::decode;
 use fusion::source::table::{LogColumn, LogTable, gps_of_unix};
 use fusion_core::math;
 
@@ -110,6 +111,9 @@ impl Clock {
 
     /// The clock from a column that is called time.
     pub(crate) fn named(table: &LogTable) -> Option<Self> {
+        if let Some(own) = Self::own(table) {
+            return Some(own);
+        }
         if let Some(column) = table.stamp {
             let words = stamp_words(table.columns[column].called());
             return calendar(table)
@@ -129,15 +133,31 @@ impl Clock {
         let step = median(values.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 0.0));
         let (unit, why) = unit(words, values, step);
         let scale = factor(unit);
-        let stamps: Vec<f64> = values.iter().map(|v| v * scale).collect();
-        let is_solution = table.format.has_own_clock;
         Self {
             column,
             unit,
             why,
-            origin: if is_solution { Origin::Gps } else { Origin::Unknown },
-            ..Self::measured(stamps)
+            ..Self::measured(values.iter().map(|v| v * scale).collect())
         }
+    }
+
+    /// The clock of a format that defines its stamps.
+    fn own(table: &LogTable) -> Option<Self> {
+        let (own, column) = (table.format.clock?, table.columns.first()?);
+        let scale = factor(own.unit);
+        let stamps = column.values.iter().map(|v| v * scale);
+        let first = stamps.clone().find(|t| t.is_finite())?;
+        let (origin, shift) = match own.counts_from {
+            None => (Origin::Unknown, 0.0),
+            Some(decode::Origin::Gps) => (Origin::Gps, 0.0),
+            Some(decode::Origin::Unix) => (Origin::Unix, gps_of_unix(first).map_or(0.0, |gps| gps - first)),
+        };
+        Some(Self {
+            unit: own.unit,
+            origin,
+            why: "as the format defines it".to_owned(),
+            ..Self::measured(stamps.map(|t| t + shift).collect())
+        })
     }
 
     /// The columns that the clock reads.

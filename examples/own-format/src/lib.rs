@@ -46,7 +46,7 @@ unit = "deg/s"
 
 static FORMAT: LogFormat = LogFormat {
     name: "json_lines",
-    has_own_clock: false,
+    clock: None,
     endings: &[".jsonl", ".jsonl.gz"],
     recognises: |first| first.starts_with(b"{\""),
     read: tables,
@@ -273,6 +273,7 @@ impl RawRows for Lines {
         self.wrong.clone().map(|message| Malformed {
             message,
             help: "leave such lines out with `bad_rows = \"skip\"`",
+            is_last: false,
         })
     }
 }

@@ -4,14 +4,19 @@ use crate::config::{Diagnostic, Node, Place};
 use fusion_models::block::BuildError;
 use thiserror::Error;
 
+/// What the place of a row counts in a text file.
+pub const LINE: &str = "line";
+
 /// Something wrong in a file of data.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("{}: {message}", self.place())]
 pub struct DataError {
     /// The file.
     pub file: String,
-    /// The line, from 1.
+    /// Its line, from 1, or the number of its message in a log of messages.
     pub line: Option<usize>,
+    /// What `line` counts: [`LINE`], or `message`.
+    pub counted: &'static str,
     /// The error.
     pub message: String,
     /// How to correct it.
@@ -24,6 +29,7 @@ impl DataError {
         Self {
             file: file.into(),
             line: None,
+            counted: LINE,
             message: message.into(),
             help: None,
         }
@@ -33,6 +39,16 @@ impl DataError {
     #[must_use]
     pub fn line(self, line: usize) -> Self {
         Self { line: Some(line), ..self }
+    }
+
+    /// In this line or message.
+    #[must_use]
+    pub fn row(self, counted: &'static str, number: usize) -> Self {
+        Self {
+            line: Some(number),
+            counted,
+            ..self
+        }
     }
 
     /// With advice.
@@ -46,7 +62,8 @@ impl DataError {
 
     fn place(&self) -> String {
         match self.line {
-            Some(line) => format!("{}:{line}", self.file),
+            Some(line) if self.counted == LINE => format!("{}:{line}", self.file),
+            Some(number) => format!("{}, {} {number}", self.file, self.counted),
             None => self.file.clone(),
         }
     }
@@ -56,8 +73,8 @@ impl DataError {
 impl From<&DataError> for Diagnostic {
     fn from(error: &DataError) -> Self {
         let place = Place::File {
-            path: error.file.clone(),
-            line: error.line,
+            path: if error.counted == LINE { error.file.clone() } else { error.place() },
+            line: error.line.filter(|_| error.counted == LINE),
         };
         let diagnostic = Self::error(error.message.as_str()).at(&place);
         match &error.help {

@@ -19,7 +19,7 @@ mod report;
 mod stream;
 
 pub(crate) use carried::{Again, Carried};
-pub use error::{DataError, SourceError};
+pub use error::{DataError, LINE, SourceError};
 pub(crate) use fault::Faulted;
 pub(crate) use fault::{FaultChain, outages};
 pub use feed::{Aboard, Feed, Nobody, Pose, SourceStatistics};

@@ -9,8 +9,10 @@ const EXAMPLES: usize = 3;
 /// A row that was left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Example {
-    /// Its line in the file, from 1.
-    pub line: usize,
+    /// Its number in the file, from 1.
+    pub number: usize,
+    /// What is counted: lines, or messages.
+    pub counted: &'static str,
     /// The text found there.
     pub what: String,
 }
@@ -81,7 +83,7 @@ impl fmt::Display for SourceReport {
         for skipped in &self.skipped {
             write!(f, "\n  left out {}: {}", skipped.count, skipped.reason)?;
             for example in &skipped.examples {
-                write!(f, "\n    line {}: {}", example.line, example.what)?;
+                write!(f, "\n    {} {}: {}", example.counted, example.number, example.what)?;
             }
         }
         self.disturbed
@@ -118,7 +120,7 @@ impl RowCounts {
     }
 
     /// A row is left out.
-    pub(crate) fn skipped(&mut self, reason: &str, example: Option<(usize, String)>) {
+    pub(crate) fn skipped(&mut self, reason: &str, example: Option<Example>) {
         let entries = &mut self.0.skipped;
         let at = entries.iter().position(|s| s.reason == reason).unwrap_or_else(|| {
             entries.push(Skipped {
@@ -130,8 +132,8 @@ impl RowCounts {
         });
         let entry = &mut entries[at];
         entry.count += 1;
-        if let Some((line, what)) = example.filter(|_| entry.examples.len() < EXAMPLES) {
-            entry.examples.push(Example { line, what });
+        if let Some(example) = example.filter(|_| entry.examples.len() < EXAMPLES) {
+            entry.examples.push(example);
         }
     }
 
@@ -151,6 +153,7 @@ impl RowCounts {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rows::LINE;
 
     #[test]
     fn a_report_counts_everything_and_shows_the_first_examples() {
@@ -159,7 +162,14 @@ mod tests {
             counts.row();
             counts.used(Time::from_seconds(t));
             counts.row();
-            counts.skipped("bad rows", Some((k + 1, format!("reason {k}"))));
+            counts.skipped(
+                "bad rows",
+                Some(Example {
+                    number: k + 1,
+                    counted: LINE,
+                    what: format!("reason {k}"),
+                }),
+            );
         }
         counts.disturbed("noise");
         let expected = "\

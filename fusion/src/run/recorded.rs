@@ -6,7 +6,7 @@ use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, SourceDesign};
 use crate::rows::{Aboard, Faulted, Feed, Merged, Row, RowStream, SourceError, SourceStatistics};
-use crate::source::{OpenContext, Unread};
+use crate::source::{OpenContext, SharedReaders, Unread};
 use core::ops::Range;
 use fusion_core::runner::StreamId;
 
@@ -81,7 +81,7 @@ type Opened<'a> = (&'a Named<SourceDesign>, Box<dyn RowStream>);
 /// All sources with their faults, or all of their mistakes.
 fn open_all<'a>(design: &'a Design, options: &Options, unread: &Unread) -> Result<Vec<Opened<'a>>, Diagnostics> {
     let (mut d, mut opened) = (Diagnostics::new(), Vec::new());
-    let data_dir = data_dir(design, options);
+    let (data_dir, shared) = (data_dir(design, options), SharedReaders::default());
     for named in &design.sources {
         let context = OpenContext {
             data_dir: data_dir.clone(),
@@ -89,6 +89,7 @@ fn open_all<'a>(design: &'a Design, options: &Options, unread: &Unread) -> Resul
             origin: design.run.origin.map(Into::into),
             seed: options.seed.unwrap_or(design.run.seed),
             unread: unread.clone(),
+            shared: shared.clone(),
             rows: options.rows.get(&named.name).cloned(),
         };
         let open = || undisturbed(&named.block, &context);

@@ -35,6 +35,12 @@ impl DataFile {
         }
     }
 
+    /// Its path as opened.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.opened
+    }
+
     /// Its name in messages.
     #[must_use]
     pub fn name(&self) -> String {

@@ -1,5 +1,6 @@
 //! Log formats, as `fusion inspect` recognises them.
 
+use super::decode::Origin;
 use super::table::LogTable;
 use super::{DataFile, OpenContext};
 use crate::rows::SourceError;
@@ -18,7 +19,7 @@ const FIRST: u64 = 4096;
 ///
 /// static STARS: LogFormat = LogFormat {
 ///     name: "stars",
-///     has_own_clock: false,
+///     clock: None,
 ///     endings: &[".stars"],
 ///     recognises: |first| first.starts_with(b"*****"),
 ///     read: |path| {
@@ -32,8 +33,8 @@ const FIRST: u64 = 4096;
 pub struct LogFormat {
     /// The `type` of its sources.
     pub name: &'static str,
-    /// Whether the format defines the zero point of its stamps, so that a source does not declare its clock.
-    pub has_own_clock: bool,
+    /// The meaning of the stamps, if the format defines it: a source then does not declare its clock.
+    pub clock: Option<OwnClock>,
     /// The endings of its file names. A folder is searched for them.
     pub endings: &'static [&'static str],
     /// Whether a file has this format, by its first bytes: 4096 at most, unpacked if it is gzip-compressed. It is
@@ -48,6 +49,15 @@ pub struct LogFormat {
 }
 
 crate::inventory::collect!(LogFormat);
+
+/// The stamps of a format that defines their meaning. They are the first column of each [`LogTable`].
+#[derive(Clone, Copy, Debug)]
+pub struct OwnClock {
+    /// Their unit, as designs write it.
+    pub unit: &'static str,
+    /// Their zero point; `None` if it differs from log to log.
+    pub counts_from: Option<Origin>,
+}
 
 impl LogFormat {
     /// All formats that are linked, by name.
@@ -80,7 +90,7 @@ impl LogFormat {
 /// Fields with a delimiter between them: the default for text files.
 pub(super) static TEXT: LogFormat = LogFormat {
     name: "csv",
-    has_own_clock: false,
+    clock: None,
     endings: &[".csv", ".csv.gz", ".txt", ".txt.gz"],
     recognises: |_| false,
     read: |path| Ok(vec![LogTable::of_text(path)?]),

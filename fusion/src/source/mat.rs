@@ -62,7 +62,7 @@ const NUMBER: &str = "the number of the sample";
 
 static FORMAT: LogFormat = LogFormat {
     name: "mat",
-    has_own_clock: false,
+    clock: None,
     endings: &[".mat"],
     recognises: |first| first.starts_with(b"MATLAB 5.0 MAT-file"),
     read: tables,

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! A format knows only the layout of its rows in a file. A format of another crate implements [`RawRows`] and
-//! [`SourceSpec`], and registers both: see `examples/own-format`. The meaning of the cells (stamps, channels,
+//! [`SourceSpec`], and registers both: see `examples/own-format`, and the crate `fusion-formats` for logs of messages. The meaning of the cells (stamps, channels,
 //! units, validity, the action for a bad row) is declared and decoded in the same way for all formats.
 
 mod csv;
@@ -15,6 +15,7 @@ mod file;
 mod format;
 mod mat;
 mod rtklib;
+mod shared;
 mod supply;
 pub mod table;
 pub mod testing;
@@ -23,9 +24,10 @@ mod unread;
 pub use self::csv::CsvSpec;
 pub(crate) use self::decode::have_rows_in_common;
 pub use self::file::DataFile;
-pub use self::format::LogFormat;
+pub use self::format::{LogFormat, OwnClock};
 pub use self::mat::MatSpec;
 pub use self::rtklib::RtklibSpec;
+pub use self::shared::SharedReaders;
 pub use self::supply::{Columns, Supply, Values};
 pub use self::unread::Unread;
 
@@ -50,6 +52,8 @@ pub struct OpenContext {
     pub seed: u64,
     /// The bytes still to be read of the files that are opened with it.
     pub unread: Unread,
+    /// The readers of files with several streams, which the sources of a run share.
+    pub shared: SharedReaders,
     /// Rows in place of the source's file.
     pub rows: Option<Supply>,
 }

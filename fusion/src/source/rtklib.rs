@@ -8,10 +8,9 @@
 use super::csv::{CsvRows, Dialect, Head, Names};
 use super::decode::{Cell, Malformed, Origin, Plan, RawRows, Scale, Stamp, decimal_nanos, format_spec, time_spec};
 use super::table::LogTable;
-use super::{DataFile, LogFormat, OpenContext, SourceSpec};
+use super::{DataFile, LogFormat, OpenContext, OwnClock, SourceSpec};
 use crate::rows::{DataError, ProvidedChannel, RowStream, SourceError};
 use fusion_models::block::BuildError;
-use fusion_models::units::Duration;
 use std::path::PathBuf;
 
 fusion_models::register!(
@@ -33,7 +32,10 @@ columns = ["sdn(m)", "sde(m)", "sdu(m)"]
 
 static FORMAT: LogFormat = LogFormat {
     name: "rtklib",
-    has_own_clock: true,
+    clock: Some(OwnClock {
+        unit: "ns",
+        counts_from: Some(Origin::Gps),
+    }),
     endings: &[".pos", ".pos.gz"],
     recognises: |first| first.starts_with(b"% program"),
     read: |path| {
@@ -51,20 +53,6 @@ time_spec! {
 }
 
 impl PosTimeSpec {
-    fn unset() -> Self {
-        Self {
-            epoch: None,
-            scale: 1.0,
-            about: None,
-            offset: Duration::default(),
-            start: None,
-            stop: None,
-            max_jump: None,
-            backwards: super::decode::Policy::default(),
-            ties: super::decode::Ties::default(),
-        }
-    }
-
     /// The reader makes nanoseconds of GPS time of every stamp.
     fn stamp(&self) -> Stamp<'static> {
         Stamp {
@@ -86,7 +74,7 @@ format_spec! {
         /// The file, relative to the data directory; gzip is recognised by its content.
         path: PathBuf,
         /// The clock; GPS time, UTC or JST is read from the file.
-        #[serde(default = "PosTimeSpec::unset")]
+        #[serde(default)]
         time: PosTimeSpec,
     }
 }
@@ -223,6 +211,7 @@ impl RawRows for PosRows {
         let of_stamp = |message: &String| Malformed {
             message: message.clone(),
             help: "is this row damaged?",
+            is_last: false,
         };
         self.text.malformed().or_else(|| self.stamp.as_ref().err().map(of_stamp))
     }

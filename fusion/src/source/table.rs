@@ -56,6 +56,8 @@ pub struct LogTable {
     pub arrays: Vec<(String, String)>,
     /// Number of rows that cannot be split into one cell per column.
     pub malformed: usize,
+    /// The damage at which the file ends.
+    pub broken: Option<String>,
 }
 
 /// A stream of a file with several streams. A source of such a format has the key `topic`.
@@ -166,6 +168,19 @@ impl LogTable {
         table.filled(rows)
     }
 
+    /// A topic of a log of messages, before its first row.
+    #[must_use]
+    pub fn of_topic(path: &Path, format: &'static LogFormat, topic: Topic, columns: &[String]) -> Self {
+        let table = Self {
+            path: path.to_owned(),
+            topic: Some(topic),
+            format,
+            header: true,
+            ..Self::default()
+        };
+        table.named(columns)
+    }
+
     /// Reads all of a text file.
     ///
     /// # Errors
@@ -207,18 +222,27 @@ impl LogTable {
 
     /// Adds all rows.
     fn filled(mut self, mut rows: impl RawRows) -> Result<Self, SourceError> {
-        let named = rows.columns().iter().map(|name| LogColumn {
-            name: name.clone(),
-            ..LogColumn::default()
-        });
-        self.columns = named.collect();
+        self = self.named(rows.columns());
         while rows.advance()? {
-            self.take(&rows);
+            self.add(&rows);
         }
         Ok(self)
     }
 
-    fn take(&mut self, row: &impl RawRows) {
+    /// With columns of these names, still empty.
+    fn named(self, columns: &[String]) -> Self {
+        let named = columns.iter().map(|name| LogColumn {
+            name: name.clone(),
+            ..LogColumn::default()
+        });
+        Self {
+            columns: named.collect(),
+            ..self
+        }
+    }
+
+    /// Adds the current row of `row`.
+    pub fn add(&mut self, row: &impl RawRows) {
         if row.malformed().is_some() {
             self.malformed += 1;
             return;

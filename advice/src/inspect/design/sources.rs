@@ -52,7 +52,7 @@ impl Inspection {
 
     fn time(&self, draft: &mut Draft, name: &str, log: &Log, clock: &Clock) {
         let name_of = |column: usize| log.table.columns[column].name.as_str();
-        let has_own = log.table.format.has_own_clock;
+        let has_own = log.table.format.clock.is_some();
         if clock.form == Form::Even {
             draft.set("time.rate", format!("{} Hz", clock.rate));
         } else if !has_own {
@@ -352,7 +352,7 @@ fn text_of(draft: &mut Draft, log: &Log) {
 /// The reasons for the declaration of a clock.
 fn why_time(log: &Log, clock: &Clock, is_scaled: bool) -> String {
     let mut why = match clock.form {
-        _ if log.table.format.has_own_clock => Vec::new(),
+        _ if log.table.format.clock.is_some() => Vec::new(),
         Form::Count | Form::Recordings { .. } => vec![format!("unit: {}", clock.why)],
         _ if clock.day.is_none() => vec![clock.why.clone()],
         _ => Vec::new(),

@@ -271,6 +271,7 @@ impl RawRows for CsvRows {
             } else {
                 "is there a delimiter, or a decimal comma, within a field?"
             },
+            is_last: false,
         })
     }
 }

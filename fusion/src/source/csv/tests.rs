@@ -179,7 +179,7 @@ fn increments_become_rates_over_the_interval_since_the_previous_stamp() {
     let (rows, report) = read(toml, text.as_bytes()).unwrap();
     let rates: Vec<f64> = rows.iter().map(|(_, row)| (row[0] * 1e9).round() / 1e9).collect();
     assert_eq!(rates, [10.0, 20.0, 10.0, 10.0, 10.0]);
-    assert_eq!((report.skipped[0].count, report.skipped[0].examples[1].line), (2, 6));
+    assert_eq!((report.skipped[0].count, report.skipped[0].examples[1].number), (2, 6));
     let (rows, report) = read(&toml.replace("rate = '10 Hz'\n", ""), text.as_bytes()).unwrap();
     assert_eq!(rows.iter().map(|(_, row)| row[0].round()).collect::<Vec<_>>(), [20.0, 10.0, 1.0]);
     assert!(

@@ -87,6 +87,10 @@ impl<R: RawRows> RawRows for Ahead<R> {
         self.held().map_or_else(|| self.raw.place(), |held| held.place)
     }
 
+    fn counted(&self) -> &'static str {
+        self.raw.counted()
+    }
+
     fn cell(&self, column: usize) -> Cell<'_> {
         let Some(held) = self.held() else {
             return self.raw.cell(column);

@@ -16,7 +16,9 @@ pub(super) fn header_unit(column: &str, wanted: Option<Dimension>) -> Option<Cow
     if let Some(meant) = wanted.and_then(|wanted| by_letter(inner, wanted)) {
         return Some(meant.into());
     }
-    (!inner.is_empty() && parse_unit(inner).is_ok()).then_some(inner.into())
+    // `x[2]` is an element of an array.
+    let is_element = inner.bytes().all(|byte| byte.is_ascii_digit());
+    (!is_element && parse_unit(inner).is_ok()).then_some(inner.into())
 }
 
 /// The unit that all of these columns state, if any; `Err` has two columns that do not agree.
@@ -47,6 +49,8 @@ mod tests {
             ("f(x) [m]", Some("m")),
             ("alt_m", None),
             ("q_w []", None),
+            ("x[2]", None),
+            ("gyro[1]", None),
             ("x [raw]", None),
             ("[m] x", None),
             ("x (m]", None),

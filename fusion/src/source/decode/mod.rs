@@ -38,5 +38,7 @@ pub use one_or_many::OneOrMany;
 pub use plan::Plan;
 pub use raw::{Cell, Malformed, RawRows};
 pub(crate) use spec::have_rows_in_common;
-pub use spec::{ChannelSpec, Condition, Epoch, Interval, Keep, PlusSpec, Policy, Repeats, RowSpec, Stamp, Ties, TimeSpec, Timing, Wanted};
-pub(super) use spec::{one, time_spec};
+pub(super) use spec::time_spec;
+pub use spec::{
+    ChannelSpec, Condition, Epoch, Interval, Keep, OwnTimeSpec, PlusSpec, Policy, Repeats, RowSpec, Stamp, Ties, TimeSpec, Timing, Wanted,
+};

@@ -1,6 +1,6 @@
 //! The interface of a format: rows of named columns, one at a time.
 
-use crate::rows::DataError;
+use crate::rows::{DataError, LINE};
 use std::borrow::Cow;
 
 /// Reads the rows of one file in their order; the row read last is the current row.
@@ -26,6 +26,11 @@ pub trait RawRows: Send {
 
     /// The place of the current row in the file, as messages name it: for text, its line, from 1.
     fn place(&self) -> usize;
+
+    /// What [`place`](Self::place) counts: `line`, or `message` for a log of messages.
+    fn counted(&self) -> &'static str {
+        LINE
+    }
 
     /// The cell of the current row in the column with this number.
     fn cell(&self, column: usize) -> Cell<'_>;
@@ -57,6 +62,10 @@ impl<R: RawRows + ?Sized> RawRows for Box<R> {
         (**self).place()
     }
 
+    fn counted(&self) -> &'static str {
+        (**self).counted()
+    }
+
     fn cell(&self, column: usize) -> Cell<'_> {
         (**self).cell(column)
     }
@@ -84,6 +93,9 @@ pub struct Malformed {
     pub message: String,
     /// How to correct it.
     pub help: &'static str,
+    /// The file is cut off or damaged here, and nothing after it can be read. Such a row is reported and does not stop
+    /// a run, whatever `bad_rows` says.
+    pub is_last: bool,
 }
 
 impl<'a> Cell<'a> {

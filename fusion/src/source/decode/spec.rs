@@ -3,6 +3,7 @@
 use super::instant::{Order, Origin, Scale};
 use super::one_or_many::OneOrMany;
 use crate::config::{Diagnostics, Node};
+use crate::source::OwnClock;
 use core::fmt;
 use core::num::NonZeroU64;
 use fusion_models::units::{Duration, PerAxis, Positive, Vec3Of, dim};
@@ -93,7 +94,7 @@ pub struct RowSpec<'a> {
 macro_rules! time_spec {
     ($(#[$about:meta])* pub struct $Name:ident { $($own:tt)* }) => {
         $(#[$about])*
-        #[derive(Debug, serde::Deserialize, schemars::JsonSchema)]
+        #[derive(Debug, Default, serde::Deserialize, schemars::JsonSchema)]
         #[serde(deny_unknown_fields)]
         pub struct $Name {
             $($own)*
@@ -101,9 +102,8 @@ macro_rules! time_spec {
             /// `counts_from` or `calendar`, a date and time, such as `"2025-07-08T19:34:18Z"`; without `epoch`,
             /// time zero of these logs is the start of GPS time, 1980-01-06.
             epoch: Option<$crate::source::decode::Epoch>,
-            /// Seconds of true time per second of this clock.
-            #[serde(default = "crate::source::decode::one")]
-            scale: f64,
+            /// Seconds of true time per second of this clock; 1 by default.
+            scale: Option<f64>,
             /// The time of the log at which the scaled clock is correct; by default its first stamp.
             about: Option<fusion_models::units::Duration>,
             /// Added to every stamp.
@@ -130,7 +130,10 @@ macro_rules! time_spec {
             pub const fn timing(&self) -> $crate::source::decode::Timing<'_> {
                 $crate::source::decode::Timing {
                     epoch: self.epoch.as_ref(),
-                    scale: self.scale,
+                    scale: match self.scale {
+                        Some(scale) => scale,
+                        None => 1.0,
+                    },
                     about: self.about,
                     offset: self.offset,
                     start: self.start,
@@ -213,6 +216,39 @@ impl TimeSpec {
     }
 }
 
+time_spec! {
+    /// The clock of a format that defines the unit and the zero point of its stamps.
+    pub struct OwnTimeSpec {
+        /// The column of the stamps, if not the usual column of the format.
+        column: Option<String>,
+    }
+}
+
+impl OwnTimeSpec {
+    /// The declared column. [`RowSpec::of_own_clock`] adds what the format defines.
+    #[must_use]
+    pub fn stamp(&self) -> Stamp<'_> {
+        let own = self.column.as_ref().map(|column| ("time.column", column.as_str()));
+        Stamp {
+            columns: own.into_iter().collect(),
+            ..Stamp::default()
+        }
+    }
+}
+
+impl<'a> RowSpec<'a> {
+    /// The declaration with the stamps of a format that defines their meaning. `usual` is the column that has them
+    /// unless another one is declared.
+    #[must_use]
+    pub fn of_own_clock(mut self, usual: &'a str, clock: OwnClock) -> Self {
+        if self.stamp.columns.is_empty() {
+            self.stamp.columns.push(("time", usual));
+        }
+        (self.stamp.unit, self.stamp.counts_from) = (Some(clock.unit), clock.counts_from);
+        self
+    }
+}
+
 /// The place and format of the stamp of a row.
 #[derive(Clone, Debug, Default)]
 pub struct Stamp<'a> {
@@ -229,10 +265,6 @@ pub struct Stamp<'a> {
     /// The date of the first row, for times of day.
     pub(in super::super) day: Option<&'a str>,
     pub(in super::super) order: Option<Order>,
-}
-
-pub(in super::super) const fn one() -> f64 {
-    1.0
 }
 
 /// The second column of a stamp.

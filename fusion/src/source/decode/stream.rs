@@ -8,7 +8,7 @@ use super::plan::Plan;
 use super::raw::RawRows;
 use super::spec::{Condition, Policy, RowSpec};
 use crate::config::did_you_mean;
-use crate::rows::{DataError, ProvidedChannel, RowCounts, RowStream, SourceError, SourceReport, Stamp, width};
+use crate::rows::{DataError, Example, ProvidedChannel, RowCounts, RowStream, SourceError, SourceReport, Stamp, width};
 use crate::source::OpenContext;
 use crate::source::file::DataFile;
 use core::fmt;
@@ -236,11 +236,12 @@ impl<R: RawRows> Decoded<R> {
                 Err(Unused::Wrong(wrong)) => match wrong.policy {
                     Policy::Skip => {
                         self.counts.row();
-                        self.counts.skipped(wrong.reason, Some((place, wrong.message)));
+                        let (number, counted, what) = (place, self.raw.counted(), wrong.message);
+                        self.counts.skipped(wrong.reason, Some(Example { number, counted, what }));
                     }
                     Policy::Stop => {
                         let error = DataError::new(self.file.as_str(), wrong.message);
-                        return Err(error.line(place).help(wrong.help).into());
+                        return Err(error.row(self.raw.counted(), place).help(wrong.help).into());
                     }
                 },
                 Err(Unused::End) => break,
@@ -269,7 +270,7 @@ impl<R: RawRows> Decoded<R> {
         let example = report.skipped.iter().flat_map(|s| &s.examples).next();
         Err(match example {
             Some(example) => error
-                .line(example.line)
+                .row(example.counted, example.number)
                 .help(format!("this is the first one: {}", example.what))
                 .into(),
             None => error.into(),

@@ -55,7 +55,7 @@ fn a_stamp_an_hour_ahead_costs_its_row_and_no_other() {
         assert_eq!(rows.iter().map(|(_, r)| r[0] as usize).collect::<Vec<_>>(), left);
         let skipped = &report.skipped[0];
         assert_eq!(
-            (skipped.reason.as_str(), skipped.count, skipped.examples[0].line),
+            (skipped.reason.as_str(), skipped.count, skipped.examples[0].number),
             ("time jumps ahead", 1, wrong + 2)
         );
     }

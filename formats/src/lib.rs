@@ -1,0 +1,54 @@
+//! Logs of vehicles and robots as sources of [`fusion`], each a feature of this crate.
+//!
+//! ```text
+//! file ── MessageReader ──▶ messages of all topics ── Pass ──▶ rows of each topic ── decode ──▶ rows in SI
+//! ```
+//!
+//! A log of messages is read once for all sources of a run that use it. `inspect` reads it once for all topics. A
+//! format whose feature is off is recognised, and the error names the feature.
+
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
+mod absent;
+pub mod messages;
+#[allow(dead_code, reason = "a program may be built without any format")]
+mod signature;
+
+/// The formats whose feature is off.
+mod without {
+    #[cfg(not(feature = "mcap"))]
+    mod mcap {
+        crate::absent::absent_format!(Absent, "mcap", crate::signature::MCAP);
+    }
+    #[cfg(not(feature = "rosbag"))]
+    mod rosbag {
+        crate::absent::absent_format!(Absent, "rosbag", crate::signature::ROSBAG);
+    }
+    #[cfg(not(feature = "rosbag2"))]
+    mod rosbag2 {
+        crate::absent::absent_format!(Absent, "rosbag2", crate::signature::ROSBAG2);
+    }
+    #[cfg(not(feature = "ulog"))]
+    mod ulog {
+        crate::absent::absent_format!(Absent, "ulog", crate::signature::ULOG);
+    }
+    #[cfg(not(feature = "dataflash"))]
+    mod dataflash {
+        crate::absent::absent_format!(Absent, "dataflash", crate::signature::DATAFLASH);
+    }
+    #[cfg(not(feature = "ubx"))]
+    mod ubx {
+        crate::absent::absent_format!(Absent, "ubx", crate::signature::UBX);
+    }
+    #[cfg(not(feature = "nmea"))]
+    mod nmea {
+        crate::absent::absent_format!(Absent, "nmea", crate::signature::NMEA);
+    }
+    #[cfg(not(feature = "parquet"))]
+    mod parquet {
+        crate::absent::absent_format!(Absent, "parquet", crate::signature::PARQUET);
+    }
+}
+
+/// Links the formats into a program; call it once, so that the linker keeps them.
+pub const fn link() {}

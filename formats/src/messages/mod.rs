@@ -1,0 +1,83 @@
+//! Logs of messages: one file, several topics, each with its own columns.
+//!
+//! A format implements [`MessageReader`], and declares its sources with `message_format!`. The first message of a
+//! topic defines its columns. A later message with fewer elements has empty cells, and further elements are not read.
+//!
+//! Memory   one message of each topic, and the messages that wait for their source: [`MOST_WAITING`] bytes
+
+mod cells;
+mod pass;
+mod rows;
+mod spec;
+mod tables;
+#[cfg(test)]
+mod tests;
+
+pub use cells::Cells;
+pub use pass::MOST_WAITING;
+pub use rows::{Read, open};
+pub use tables::tables;
+
+use fusion::rows::SourceError;
+use fusion::source::table::Topic;
+use fusion::source::{DataFile, OpenContext};
+
+/// An array with more elements than this has no columns: it is an image or a scan. A covariance of 6 axes has 36.
+pub const LONGEST_ARRAY: usize = 64;
+
+/// Reads the messages of a log in the order of the file.
+pub trait MessageReader: Sized + Send + 'static {
+    /// Opens a log. A file whose first bytes have another format is an error.
+    ///
+    /// # Errors
+    /// It cannot be opened, or is not a log of this format.
+    fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError>;
+
+    /// Reads on to the next message, and returns the number of its topic in [`topics`](Self::topics). `None` after
+    /// the last one.
+    ///
+    /// # Errors
+    /// The file is cut off or damaged, and nothing more can be read.
+    fn advance(&mut self) -> Result<Option<usize>, Broken>;
+
+    /// The topics known so far. A topic keeps its number.
+    fn topics(&self) -> &[Topic];
+
+    /// The columns of a topic, as its first message defined them. The first one has the usual stamps.
+    fn columns(&self, topic: usize) -> &[String];
+
+    /// Adds the cells of the current message, one for each column of its topic. Cells that are missing at the end are
+    /// empty.
+    ///
+    /// # Errors
+    /// What is wrong with this message. The next one can be read.
+    fn decode(&mut self, cells: &mut Cells) -> Result<(), String>;
+}
+
+/// The place where a log is cut off or damaged.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Broken {
+    /// The number of bytes before the damage, if it is known.
+    pub at: Option<u64>,
+    /// What is wrong there.
+    pub message: String,
+}
+
+impl Broken {
+    /// After this number of bytes.
+    pub fn at(byte: u64, message: impl Into<String>) -> Self {
+        Self {
+            at: Some(byte),
+            message: message.into(),
+        }
+    }
+}
+
+impl core::fmt::Display for Broken {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self.at {
+            Some(byte) => write!(f, "after byte {byte}: {}", self.message),
+            None => f.write_str(&self.message),
+        }
+    }
+}
