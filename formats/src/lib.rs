@@ -9,10 +9,17 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
+#[allow(dead_code, reason = "a program may be built with all formats")]
 mod absent;
+#[cfg(any(feature = "parquet", feature = "arrow"))]
+mod columns;
 pub mod messages;
 #[allow(dead_code, reason = "a program may be built without any format")]
 mod signature;
+mod written;
+
+/// An array with more elements than this has no columns: it is an image or a scan. A covariance of 6 axes has 36.
+pub const LONGEST_ARRAY: usize = 64;
 
 /// The formats whose feature is off.
 mod without {
@@ -43,6 +50,10 @@ mod without {
     #[cfg(not(feature = "nmea"))]
     mod nmea {
         crate::absent::absent_format!(Absent, "nmea", crate::signature::NMEA);
+    }
+    #[cfg(not(feature = "arrow"))]
+    mod arrow {
+        crate::absent::absent_format!(Absent, "arrow", crate::signature::ARROW);
     }
     #[cfg(not(feature = "parquet"))]
     mod parquet {

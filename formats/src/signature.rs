@@ -66,6 +66,13 @@ pub(crate) const PARQUET: Signature = Signature {
     recognises: |first| first.starts_with(b"PAR1"),
 };
 
+/// A table of Arrow IPC, also called Feather.
+pub(crate) const ARROW: Signature = Signature {
+    name: "arrow",
+    endings: &[".arrow", ".feather"],
+    recognises: |first| first.starts_with(b"ARROW1"),
+};
+
 /// The first line begins with the address of a sentence: `$GPGGA,` or `$GNRMC,`.
 fn is_nmea(first: &[u8]) -> bool {
     if first.windows(2).any(|pair| pair == [0xb5, 0x62]) {

@@ -8,6 +8,7 @@ use fusion::config::{Diagnostics, Edit};
 use fusion::core::covariance::Kernel;
 use fusion::design::Design;
 use fusion::models::units::{self, Dimensional, dim};
+use fusion::output::EstimateFormat;
 use fusion::run::{self, Checkpoints, Keep, Options, Smoothing, Summary, run as run_design};
 use fusion_present::Shown;
 use fusion_present::report;
@@ -22,6 +23,10 @@ pub(super) struct RunArgs {
     /// Writes estimates.csv, updates.csv, summary.json and report.html here; creates the folder if necessary.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Writes the estimates in these formats too, with commas between them: `estimates.ENDING`, and `smoothed.ENDING`
+    /// with `--smooth`.
+    #[arg(long, value_name = "FORMAT,…", requires = "out", value_delimiter = ',', value_parser = estimate_format, conflicts_with_all = ["checkpoint", "resume"])]
+    also: Vec<&'static EstimateFormat>,
     /// Seed of simulated data and random faults, instead of the design's.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -72,6 +77,20 @@ pub(super) struct RunArgs {
     output: OutputArgs,
 }
 
+/// The format of estimates with this name.
+fn estimate_format(name: &str) -> Result<&'static EstimateFormat, String> {
+    let known = || {
+        let each = EstimateFormat::all()
+            .into_iter()
+            .map(|format| format!("{}: {}", format.name, format.about));
+        format!("the formats are\n  {}", each.collect::<Vec<_>>().join("\n  "))
+    };
+    EstimateFormat::all()
+        .into_iter()
+        .find(|format| format.name == name)
+        .ok_or_else(known)
+}
+
 /// A time in the format of a design.
 pub(super) fn period(text: &str) -> Result<Duration, String> {
     let (seconds, dimension) = units::parse(text).map_err(|error| error.to_string())?;
@@ -119,6 +138,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         data: args.design.data.clone(),
         base: args.design.base(),
         out: args.out.clone(),
+        also: args.also.clone(),
         seed: args.seed,
         smooth: args.smoothing(),
         checkpoint: args.checkpoint.clone().map(|file| Checkpoints { file, every: args.every }),
@@ -144,10 +164,12 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     page.sections.push(match &args.out {
         Some(out) => {
             let smoothed = summary.smoothed().map(|_| "smoothed.csv");
+            let firsts = ["estimates"].into_iter().chain(smoothed.map(|_| "smoothed"));
+            let also = firsts.flat_map(|first| args.also.iter().map(move |format| format!("{first}.{}", format.ending)));
             let others = ["updates.csv", "summary.json", "report.html"];
             let revised = summary.current().map(|_| if args.causal { "revised.csv" } else { "current.csv" });
             let names = ["estimates.csv"].into_iter().chain(revised).chain(smoothed).chain(others);
-            written(names.map(|f| out.join(f)))
+            written(names.map(str::to_owned).chain(also).map(|f| out.join(f)))
         }
         None => Section::new("", []).note("Nothing written; `--out DIR` keeps estimates, updates, summary and report."),
     });

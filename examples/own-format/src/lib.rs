@@ -98,6 +98,10 @@ impl SourceSpec for JsonLinesSpec {
         Ok(self.plan()?.provided())
     }
 
+    fn time_zero(&self) -> Option<i64> {
+        self.rows().time_zero()
+    }
+
     fn open(&self, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
         let file = DataFile::new(&self.path, context);
         self.plan()?

@@ -13,6 +13,7 @@ mod tables;
 #[cfg(test)]
 mod tests;
 
+pub use crate::LONGEST_ARRAY;
 pub use cells::Cells;
 pub use pass::MOST_WAITING;
 pub use rows::{Read, open};
@@ -21,9 +22,6 @@ pub use tables::tables;
 use fusion::rows::SourceError;
 use fusion::source::table::Topic;
 use fusion::source::{DataFile, OpenContext};
-
-/// An array with more elements than this has no columns: it is an image or a scan. A covariance of 6 axes has 36.
-pub const LONGEST_ARRAY: usize = 64;
 
 /// Reads the messages of a log in the order of the file.
 pub trait MessageReader: Sized + Send + 'static {

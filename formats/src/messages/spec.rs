@@ -58,6 +58,10 @@ macro_rules! message_format {
                 Ok(self.plan()?.provided())
             }
 
+            fn time_zero(&self) -> Option<i64> {
+                self.rows().of_own_clock($stamp, CLOCK).time_zero()
+            }
+
             fn open(
                 &self,
                 context: &fusion::source::OpenContext,

@@ -80,6 +80,12 @@ impl Origin {
         }
     }
 
+    /// Metres north, east, down from it. The first place is the origin if none is declared.
+    #[must_use]
+    pub fn to_ned(&self, place: &Geodetic) -> Vector3<f64> {
+        self.frame(*place).to_ned(place)
+    }
+
     fn frame(&self, first: Geodetic) -> &LocalFrame {
         self.0.get_or_init(|| LocalFrame::new(first))
     }
@@ -162,7 +168,7 @@ impl<W: Write> EstimateWriter<W> {
         self.cells.fixed(place.lat.to_degrees(), 10);
         self.cells.fixed(place.lon.to_degrees(), 10);
         self.cells.fixed(place.height, 4);
-        let ned = self.origin.frame(place).to_ned(&place);
+        let ned = self.origin.to_ned(&place);
         self.axes(Some(&ned), 4);
     }
 

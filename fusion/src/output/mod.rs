@@ -10,11 +10,13 @@
 //! | smoothed.csv | as estimates.csv | as estimates.csv: the same epochs, estimated with later data too |
 //! | current.csv | as estimates.csv, of a design with `order = "rewind"` | as estimates.csv: the estimate before later rows changed it. With `--causal` this table is estimates.csv, and the changed estimate is revised.csv |
 //! | updates.csv | measurement, in the order of use; `stage.sensor` inside a stage | `t_s,sensor,verdict,nis,statistic,threshold,mode,weight`; `residual_0…`, then `sigma_0…`, the 1σ of the residual, in SI |
+//! | `estimates.ENDING`, `smoothed.ENDING` | in another [`EstimateFormat`]: as estimates.csv and smoothed.csv | as the format defines |
 //! | runs.csv | run of a campaign | `run,seed`; RMS and maxima of the errors; NEES; the outcomes of the measurements of every sensor |
 
 mod cells;
 mod decimal;
 mod estimates;
+mod format;
 mod set;
 mod spill;
 mod unwritable;
@@ -22,6 +24,7 @@ mod updates;
 
 pub use cells::Cells;
 pub use estimates::{EstimateWriter, Origin, SOLUTION};
+pub use format::{EstimateAbout, EstimateClock, EstimateFormat, EstimateSink};
 pub use set::{Abandoned, FileSet, OutputFile, Sink, abandon};
 pub(crate) use spill::Spill;
 pub use unwritable::Unwritable;

@@ -2,8 +2,8 @@
 
 use super::{Options, Summary};
 use crate::design::{Design, OrderSpec};
-use crate::observe::{EstimateFile, Filters, Thinning, UpdateFile};
-use crate::output::{FileSet, Origin, Spill, Unwritable};
+use crate::observe::{EstimateFile, Filters, FormatFile, Thinning, UpdateFile};
+use crate::output::{EstimateAbout, EstimateClock, EstimateFormat, FileSet, Origin, Spill, Unwritable};
 use fusion_core::time::nanos;
 use fusion_models::earth::LocalFrame;
 use std::path::PathBuf;
@@ -23,6 +23,9 @@ pub(super) struct Files {
     pub(super) smoothed: Option<EstimateFile>,
     pub(super) current: Option<EstimateFile>,
     pub(super) updates: Option<UpdateFile>,
+    /// Estimates and smoothed estimates in further formats.
+    pub(super) also: Vec<FormatFile>,
+    pub(super) also_smoothed: Vec<FormatFile>,
 }
 
 impl Files {
@@ -55,13 +58,37 @@ impl Files {
         };
         let declared = design.run.origin.map(|place| LocalFrame::new(place.into()));
         let thinning = thinning(design);
+        for format in EstimateFormat::all() {
+            let is_written = options.also.iter().any(|also| also.name == format.name);
+            for (name, is_there) in [("estimates", is_written), ("smoothed", is_written && is_smoothed)] {
+                if !is_there {
+                    set.without(&format!("{name}.{}", format.ending));
+                }
+            }
+        }
         let (mut estimates, mut smoothed, mut current) = (Vec::new(), None, None);
+        let (mut also, mut also_smoothed) = (Vec::new(), Vec::new());
         for filter in filters.iter() {
             let origin = Origin::new(declared);
             let name = if filter.is_outermost() { estimated } else { "estimates" };
             estimates.push(EstimateFile::create(&set, name, filter, origin.clone(), thinning)?);
             if is_smoothed && filter.is_outermost() {
                 smoothed = Some(EstimateFile::create(&set, "smoothed", filter, origin.clone(), thinning)?);
+            }
+            if filter.is_outermost() {
+                let about = EstimateAbout {
+                    layout: &filter.layout,
+                    origin: origin.clone(),
+                    clock: EstimateClock {
+                        time_zero: time_zero(design),
+                    },
+                };
+                for format in &options.also {
+                    also.push(FormatFile::create(&set, "estimates", format, &about, thinning)?);
+                    if is_smoothed {
+                        also_smoothed.push(FormatFile::create(&set, "smoothed", format, &about, thinning)?);
+                    }
+                }
             }
             if is_current && filter.is_outermost() {
                 current = Some(EstimateFile::create(&set, at_the_time, filter, origin, thinning)?);
@@ -72,6 +99,8 @@ impl Files {
             smoothed,
             current,
             updates: Some(UpdateFile::create(&set, filters)?),
+            also,
+            also_smoothed,
             set: Some(set),
         })
     }
@@ -87,11 +116,22 @@ impl Files {
         for file in self.estimates.into_iter().chain(self.smoothed).chain(self.current) {
             set.close(file.finish()?)?;
         }
+        for file in self.also.into_iter().chain(self.also_smoothed) {
+            set.close(file.finish()?)?;
+        }
         if let Some(file) = self.updates {
             set.close(file.finish()?)?;
         }
         Ok(Some(set))
     }
+}
+
+/// GPS time at time zero \[ns\], as one of the sources declares it.
+fn time_zero(design: &Design) -> Option<i64> {
+    let sources = || design.sources.iter().map(|named| &named.block.source);
+    sources()
+        .find_map(|source| source.time_zero())
+        .filter(|_| design.simulation.is_none())
 }
 
 /// The estimates that have a row in their file.

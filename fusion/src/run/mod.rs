@@ -24,6 +24,7 @@ use crate::assembly::{Assembly, assemble, declared_streams};
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, ReferenceSpec, SourceDesign};
 use crate::observe::{Filters, Hub, RunEnd, RunObserver, Timing};
+use crate::output::EstimateFormat;
 use crate::rows::{Carried, Feed};
 use crate::solution::SolutionReader;
 use crate::source::Supply;
@@ -80,6 +81,8 @@ pub struct Options {
     pub base: PathBuf,
     /// Where estimates.csv, updates.csv and summary.json go; nothing is written without it.
     pub out: Option<PathBuf>,
+    /// Further formats of the estimates in that folder.
+    pub also: Vec<&'static EstimateFormat>,
     /// The seed of simulated data and random faults, instead of the design's.
     pub seed: Option<u64>,
     /// Whether estimates are smoothed.

@@ -88,6 +88,7 @@ impl Run<'_> {
                 smoothed.iter_mut().for_each(|observer| hub.add(*observer));
                 let rows = files.smoothed.is_some().then(|| thinning(self.design));
                 files.smoothed.iter_mut().for_each(|file| hub.add(file));
+                files.also_smoothed.iter_mut().for_each(|file| hub.add(file));
                 Some(Smoother::new(by, hub, rows, self.assembly.runner.belief().clone()))
             }
         };
@@ -97,6 +98,7 @@ impl Run<'_> {
             .for_each(|observer| hub.add_section(observer));
         files.estimates.iter_mut().for_each(|file| hub.add(file));
         files.updates.iter_mut().for_each(|file| hub.add(file));
+        files.also.iter_mut().for_each(|file| hub.add(file));
         if self.assembly.runner.rewinds().is_some() {
             let mut current = Hub::new(filters, comparison.as_ref());
             let score = filters.outermost().and_then(|filter| start.score_without_outages(filter));

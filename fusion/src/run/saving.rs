@@ -240,6 +240,7 @@ fn told(design: &Design, options: &Options) -> String {
         seed,
         smooth,
         out,
+        also: _,
         data,
         causal,
         base: _,

@@ -124,6 +124,10 @@ impl SourceSpec for MatSpec {
         Ok(self.plan()?.provided())
     }
 
+    fn time_zero(&self) -> Option<i64> {
+        self.rows().time_zero()
+    }
+
     fn open(&self, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
         let plan = self.plan()?;
         let file = DataFile::new(&self.path, context);

@@ -84,6 +84,11 @@ pub trait SourceSpec: Debug + Send + Sync {
     /// All mistakes of the declaration, each naming its field.
     fn channels(&self) -> Result<Vec<ProvidedChannel>, Vec<BuildError>>;
 
+    /// GPS time at time zero of its rows \[ns\]; `None` if the declaration does not give it.
+    fn time_zero(&self) -> Option<i64> {
+        None
+    }
+
     /// Makes it ready to read; the header of a file is read and checked.
     ///
     /// # Errors

@@ -105,6 +105,12 @@ pub fn utc_text(gps_seconds: i64) -> String {
     super::decode::utc_text(gps_seconds)
 }
 
+/// Nanoseconds since 1970-01-01 UTC, without leap seconds as computers count, of nanoseconds of GPS time.
+#[must_use]
+pub fn unix_of_gps(nanos: i64) -> i64 {
+    super::decode::unix_of_gps(nanos)
+}
+
 /// Seconds of GPS time of a date and time of day; UTC if the text names no scale.
 #[must_use]
 pub fn gps_of_text(text: &str) -> Option<f64> {

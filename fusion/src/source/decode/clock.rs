@@ -94,6 +94,14 @@ impl Clock {
         }
     }
 
+    /// GPS time at time zero of the log \[ns\]; `None` if the zero point of the stamps is not declared.
+    pub(super) fn time_zero(&self) -> Option<i64> {
+        match self.form {
+            Form::Count { origin: None, .. } | Form::Counter(_) => None,
+            _ => i64::try_from(self.epoch).ok(),
+        }
+    }
+
     /// Sets the columns of the file that it reads, in order.
     pub(super) fn place(&mut self, columns: Vec<usize>) {
         self.columns = columns;

@@ -209,6 +209,12 @@ pub(in super::super) fn utc_text(gps_seconds: i64) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
+/// Nanoseconds since 1970-01-01 UTC, without leap seconds as computers count, of nanoseconds of GPS time.
+pub(in super::super) fn unix_of_gps(nanos: i64) -> i64 {
+    let instant = Epoch::from_gpst_duration(Duration::from_total_nanoseconds(i128::from(nanos)));
+    i64::try_from(instant.to_unix_duration().total_nanoseconds()).unwrap_or(i64::MAX)
+}
+
 /// Days of the calendar since 1970-01-01.
 fn days_since_1970(year: i32, month: u8, day: u8) -> Option<i128> {
     let midnight = |y, m, d| Epoch::maybe_from_gregorian(y, m, d, 0, 0, 0, 0, TimeScale::TAI).ok();

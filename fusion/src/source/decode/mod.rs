@@ -32,8 +32,8 @@ mod tests;
 
 pub use crate::format_spec;
 pub(super) use clock::decimal_nanos;
-pub(super) use instant::utc_text;
 pub use instant::{Origin, Scale};
+pub(super) use instant::{unix_of_gps, utc_text};
 pub use one_or_many::OneOrMany;
 pub use plan::Plan;
 pub use raw::{Cell, Malformed, RawRows};

@@ -39,6 +39,12 @@ impl<'a> RowSpec<'a> {
         if errors.is_empty() { Ok(plan) } else { Err(errors) }
     }
 
+    /// GPS time at time zero of the rows \[ns\]; `None` if the zero point of the stamps is not declared.
+    #[must_use]
+    pub fn time_zero(&self) -> Option<i64> {
+        Clock::new(&self.stamp, self.timing, &mut Vec::new()).time_zero()
+    }
+
     fn check_rows(&self, errors: &mut Vec<BuildError>) {
         let channels = self.channels.iter();
         let of_channels = channels.flat_map(|(name, channel)| channel.valid.0.iter().map(move |c| (format!("channels.{name}.valid"), c)));

@@ -1,0 +1,76 @@
+//! The files of other programs, written by a run of the command's demonstration and read back.
+
+use super::ellipse::Ellipses;
+use super::pose::{Pose, to_enu};
+use fusion::core::geometry::wgs84::Geodetic;
+use fusion::core::time::Time;
+use fusion::output::Origin;
+use fusion::solution::Solution;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+fn place(north: f64) -> Geodetic {
+    let mut place = Geodetic {
+        lat: 0.8,
+        lon: 0.2,
+        height: 100.0,
+    };
+    place.lat += north / place.metres_per_radian().0;
+    place
+}
+
+#[test]
+fn an_ellipse_has_three_sigma_as_its_axes_and_does_not_overlap_with_the_one_before() {
+    let mut ellipses = Ellipses::default();
+    // 2 m along the direction 30° east of north, 1 m across.
+    let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), 30_f64.to_radians());
+    let covariance = turn * Matrix3::from_diagonal(&Vector3::new(4.0, 1.0, 9.0)) * turn.inverse();
+    let ring = ellipses.next(&place(0.0), &covariance).unwrap();
+    let (north, east) = place(0.0).metres_per_radian();
+    let corners: Vec<(f64, f64)> = ring.iter().map(|(lat, lon)| (north * (lat - 0.8), east * (lon - 0.2))).collect();
+    assert!((corners[0].0 - corners[36].0).abs() < 1e-9 && (corners[0].1 - corners[36].1).abs() < 1e-9);
+    let along = |of: &(f64, f64), degrees: f64| {
+        let (sine, cosine) = degrees.to_radians().sin_cos();
+        of.0 * cosine + of.1 * sine
+    };
+    let reach = |degrees: f64| corners.iter().map(|corner| along(corner, degrees)).fold(0.0, f64::max);
+    // A corner every 10° may miss the end of an axis by 1 − cos 5°.
+    assert!((reach(30.0) - 6.0).abs() < 0.03 && (reach(120.0) - 3.0).abs() < 0.02, "{corners:?}");
+    // Counter-clockwise with east to the right: the area is positive.
+    let area: f64 = corners.windows(2).map(|w| w[0].1 * w[1].0 - w[1].1 * w[0].0).sum();
+    assert!(area > 0.0);
+    assert!(ellipses.next(&place(11.9), &covariance).is_none());
+    assert!(ellipses.next(&place(12.1), &covariance).is_some());
+}
+
+#[test]
+fn a_pose_is_turned_into_the_axes_of_ros() {
+    let about = |yaw_deg: f64, pitch_deg: f64| Solution {
+        time: Time::from_seconds(0.0),
+        position: Some((place(5.0), Matrix3::identity())),
+        velocity: None,
+        attitude: Some((
+            UnitQuaternion::from_euler_angles(0.0, pitch_deg.to_radians(), yaw_deg.to_radians()),
+            Matrix3::identity(),
+        )),
+        with_attitude: [Matrix3::zeros(); 2],
+    };
+    let origin = Origin::default();
+    Pose::of(
+        &Solution {
+            position: Some((place(0.0), Matrix3::identity())),
+            ..about(0.0, 0.0)
+        },
+        &origin,
+    );
+    // Forward to the east is the axis x of the world, forward to the north is y, nose up is z.
+    for ((yaw, pitch), forward) in [((90.0, 0.0), Vector3::x()), ((0.0, 0.0), Vector3::y()), ((0.0, 90.0), Vector3::z())] {
+        let pose = Pose::of(&about(yaw, pitch), &origin).unwrap();
+        assert!((pose.q * Vector3::x() - forward).norm() < 1e-12, "{yaw} {pitch}: {}", pose.q);
+        // Left of a vehicle with a level heading is 90° counter-clockwise, seen from above.
+        if pitch == 0.0 {
+            assert!((pose.q * Vector3::z() - Vector3::z()).norm() < 1e-12);
+        }
+        assert!((pose.p - Vector3::new(0.0, 5.0, 0.0)).norm() < 1e-4, "{}", pose.p);
+    }
+    assert_eq!(to_enu(&Vector3::new(1.0, 2.0, 3.0)), Vector3::new(2.0, 1.0, -3.0));
+}
