@@ -5,6 +5,7 @@
 //! | `geojson` | maps in a browser, QGIS (RFC 7946) | a point an epoch, with its figures; ellipses of 3σ |
 //! | `gpx` | devices and maps (GPX 1.1) | a point an epoch, with 3σ as an extension |
 //! | `kml` | Google Earth (KML 2.2 with `gx:Track`) | the path over time, 3σ and speed as graphs, ellipses of 3σ |
+//! | `mcap` | Foxglove, readers of bags of ROS 2 | Odometry, NavSatFix, TF, diagnostics |
 //! | `parquet` | pandas, polars | the columns and digits of estimates.csv |
 //! | `tum` | evo, TUM's tools | stamp, position east, north, up and attitude quaternion |
 //!
@@ -14,6 +15,8 @@ mod ellipse;
 mod geojson;
 mod gpx;
 mod kml;
+#[cfg(feature = "mcap")]
+mod mcap;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod pose;

@@ -1,9 +1,7 @@
 //! Files that are written during a run.
 
 use super::{Filters, Heard, RunEvent, RunObserver};
-use crate::output::{
-    EstimateAbout, EstimateFormat, EstimateSink, EstimateWriter, FileSet, Origin, OutputFile, Sink, Unwritable, UpdateWriter,
-};
+use crate::output::{EstimateWriter, FileSet, Origin, OutputFile, Sink, Unwritable, UpdateWriter};
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt};
 use fusion_core::time::Time;
@@ -185,50 +183,6 @@ impl<W: Sink> RunObserver for EstimateFile<W> {
             return Ok(());
         }
         Ok(self.file.write(|w| w.write(solution, belief))?)
-    }
-}
-
-/// Writes the estimates of the outermost filter in another format. A run that may be resumed cannot have it.
-#[derive(Debug)]
-pub(crate) struct FormatFile {
-    file: Written<Box<dyn EstimateSink>>,
-    thinning: Thinning,
-}
-
-impl FormatFile {
-    /// Creates the file `first.ENDING` in `set`.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn create(
-        set: &FileSet,
-        first: &str,
-        format: &EstimateFormat,
-        about: &EstimateAbout<'_>,
-        thinning: Thinning,
-    ) -> Result<Self, Unwritable> {
-        let name = format!("{first}.{}", format.ending);
-        let file = Written::create(set, &name, |file| (format.begin)(file, about))?;
-        Ok(Self { file, thinning })
-    }
-
-    /// Writes the end and returns the file.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn finish(self) -> Result<OutputFile, Unwritable> {
-        self.file.finish(EstimateSink::finish)
-    }
-}
-
-impl RunObserver for FormatFile {
-    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
-        match event {
-            RunEvent::Estimate { filter, solution, belief } if filter.is_outermost() && self.thinning.takes(belief.time) => {
-                Ok(self.file.write(|sink| sink.write(solution, belief))?)
-            }
-            _ => Ok(()),
-        }
     }
 }
 

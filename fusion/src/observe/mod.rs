@@ -1,7 +1,7 @@
 //! Observing a run: a list of independent observers.
 //!
 //! ```text
-//!             ┌─▶ EstimateFile, FormatFile, UpdateFile
+//!             ┌─▶ EstimateFile, UpdateFile
 //! runner ─▶ Hub ─▶ Statistics, FilterScore, Counters    each makes its own section of the summary
 //!             ├─▶ Smoother ─▶ Hub ─▶ EstimateFile, FormatFile, FilterScore    the same of smoothed estimates
 //!             └─▶ what the caller adds
@@ -40,7 +40,7 @@ pub use counters::{Counts, UnusedRows};
 pub use event::{RunEvent, RunObserver};
 pub use failures::Failures;
 pub use files::Thinning;
-pub(crate) use files::{EstimateFile, FormatFile, UpdateFile};
+pub(crate) use files::{EstimateFile, UpdateFile};
 pub use filters::{Filters, Heard, HeardSensor};
 pub use finals::FinalState;
 pub(crate) use finals::Finals;

@@ -5,6 +5,7 @@ use crate::solution::Solution;
 use crate::source::table::unix_of_gps;
 use core::fmt::Debug;
 use fusion_core::belief::Belief;
+use fusion_core::health::State;
 use fusion_core::state::Layout;
 use fusion_core::time::Time;
 use std::io;
@@ -110,6 +111,14 @@ pub trait EstimateSink: Debug {
     /// # Errors
     /// The errors of the file.
     fn write(&mut self, solution: &Solution, belief: &Belief) -> io::Result<()>;
+
+    /// The health of the filter has changed. A reason is its word and a text that names the sensor or state. Only estimates at their time have a health, smoothed ones have none.
+    ///
+    /// # Errors
+    /// The errors of the file.
+    fn health(&mut self, _time: Time, _state: State, _reasons: &[(&str, String)]) -> io::Result<()> {
+        Ok(())
+    }
 
     /// Writes the end, and returns the file.
     ///

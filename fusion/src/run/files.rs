@@ -1,9 +1,11 @@
 //! The files of a run.
 
+use super::also::FormatFile;
 use super::{Options, Summary};
+use crate::assembly::Assembly;
 use crate::design::{Design, OrderSpec};
-use crate::observe::{EstimateFile, Filters, FormatFile, Thinning, UpdateFile};
-use crate::output::{EstimateAbout, EstimateClock, EstimateFormat, FileSet, Origin, Spill, Unwritable};
+use crate::observe::{EstimateFile, Filters, Thinning, UpdateFile};
+use crate::output::{EstimateFormat, FileSet, Origin, Spill, Unwritable};
 use fusion_core::time::nanos;
 use fusion_models::earth::LocalFrame;
 use std::path::PathBuf;
@@ -31,7 +33,12 @@ pub(super) struct Files {
 impl Files {
     /// No files without a folder to write to; smoothed.csv if estimates are smoothed, current.csv if later rows
     /// change them.
-    pub(super) fn create(design: &Design, options: &Options, filters: &Filters, is_smoothed: bool) -> Result<Self, Unwritable> {
+    pub(super) fn create(
+        (design, assembly): (&Design, &Assembly),
+        options: &Options,
+        filters: &Filters,
+        is_smoothed: bool,
+    ) -> Result<Self, Unwritable> {
         let is_current = design.run.order == OrderSpec::Rewind;
         let Some(out) = &options.out else {
             return Ok(Self::default());
@@ -75,19 +82,14 @@ impl Files {
             if is_smoothed && filter.is_outermost() {
                 smoothed = Some(EstimateFile::create(&set, "smoothed", filter, origin.clone(), thinning)?);
             }
-            if filter.is_outermost() {
-                let about = EstimateAbout {
-                    layout: &filter.layout,
-                    origin: origin.clone(),
-                    clock: EstimateClock {
-                        time_zero: time_zero(design),
-                    },
+            for format in options.also.iter().filter(|_| filter.is_outermost()) {
+                let file = |first| {
+                    let of = (filter, origin.clone());
+                    FormatFile::create((&set, first), format, (design, assembly), of, thinning)
                 };
-                for format in &options.also {
-                    also.push(FormatFile::create(&set, "estimates", format, &about, thinning)?);
-                    if is_smoothed {
-                        also_smoothed.push(FormatFile::create(&set, "smoothed", format, &about, thinning)?);
-                    }
+                also.push(file("estimates")?);
+                if is_smoothed {
+                    also_smoothed.push(file("smoothed")?);
                 }
             }
             if is_current && filter.is_outermost() {
@@ -124,14 +126,6 @@ impl Files {
         }
         Ok(Some(set))
     }
-}
-
-/// GPS time at time zero \[ns\], as one of the sources declares it.
-fn time_zero(design: &Design) -> Option<i64> {
-    let sources = || design.sources.iter().map(|named| &named.block.source);
-    sources()
-        .find_map(|source| source.time_zero())
-        .filter(|_| design.simulation.is_none())
 }
 
 /// The estimates that have a row in their file.

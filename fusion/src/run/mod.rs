@@ -1,6 +1,7 @@
 //! Running a design over its data.
 
 mod advice;
+mod also;
 pub mod examine;
 mod faults;
 mod files;
@@ -203,7 +204,7 @@ impl<'a> Run<'a> {
         let mut saving = Saving::begin(self.design, self.options)?;
         let filters = Filters::of(&self.assembly);
         let planned = Planned::of(self.design, self.options);
-        let mut files = Files::create(self.design, self.options, &filters, planned.is_some())?;
+        let mut files = Files::create((self.design, &self.assembly), self.options, &filters, planned.is_some())?;
         let mut hub = self.hub(&filters, (planned, &mut files), smoothed)?;
         further.iter_mut().for_each(|observer| hub.add(*observer));
         let mut reader = SolutionReader::new(&self.assembly.layout, self.assembly.process.clone());
