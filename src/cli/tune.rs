@@ -12,7 +12,7 @@ use fusion::provenance::Provenance;
 use fusion::run::{KeptRows, Options, run};
 use fusion_advice::frames::judge;
 use fusion_judge::likelihood::Difference;
-use fusion_judge::tune::{Coasting, Found, Independence, Log, Outage, Proposal, Settings, Tuned, structure, tune as tune_logs};
+use fusion_judge::tune::{Coasting, Found, Independence, Log, Outage, Proposal, Settings, SlowError, Tuned, structure, tune as tune_logs};
 use fusion_tables::{Cell, Column, Page, Section, Table, short};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -156,11 +156,42 @@ fn edits(args: &TuneArgs, design: &Design) -> Result<(), Failure> {
             section
         }],
     };
+    let slow: Vec<&SlowError> = proposals.iter().filter_map(|proposal| proposal.slow.as_ref()).collect();
+    if !slow.is_empty() {
+        page.sections.push(slow_errors(&slow));
+    }
     let better = proposals.iter().filter(|proposal| proposal.is_better() == Some(true));
     let better: Vec<Edit> = better.flat_map(|proposal| proposal.edits.clone()).collect();
     page.sections.extend(args.fix.write(&args.design, &better)?);
     args.output.print(&page)?;
     Ok(())
+}
+
+/// The slow errors that innovations show.
+fn slow_errors(found: &[&SlowError]) -> Section {
+    let mut t = Table::new([
+        Column::text("sensor"),
+        Column::text("1σ, SI"),
+        Column::number("correlation time [s]"),
+        Column::number("95 % from"),
+        Column::text("to"),
+    ]);
+    for slow in found {
+        let each: Vec<String> = slow.sigma.iter().map(|sigma| short(*sigma)).collect();
+        let (from, to) = slow.interval;
+        t.row([
+            Cell::text(&slow.sensor),
+            Cell::text(each.join(", ")),
+            Cell::Real(slow.correlation_time),
+            Cell::Real(from),
+            Cell::text(if to.is_finite() { short(to) } else { "no limit: the log is too short".to_owned() }),
+        ]);
+    }
+    Section::new("Slow errors in the first half", [t]).note(
+        "Innovations identify only σ²/τ of a slow error: how fast it changes. A larger σ with a longer correlation time explains them almost \
+         as well. So likelihood is no judge between such pairs: take σ from the data sheet, or from a log at rest of many correlation times, \
+         and keep σ²/τ.",
+    )
 }
 
 /// The edits of all rules of advice: those about the frames of recorded data, and those about a run.
@@ -288,7 +319,11 @@ fn innovations(independence: &[Independence]) -> Table {
         Column::text(""),
     ]);
     for i in independence {
-        let verdict = if i.is_white { "as independent rows" } else { "not independent" };
+        let verdict = match &i.stage {
+            Some(stage) => format!("made by the stage `{stage}`"),
+            None if i.is_white => "as independent rows".to_owned(),
+            None => "not independent".to_owned(),
+        };
         t.row([
             Cell::text(&i.sensor),
             Cell::from(i.rows),
@@ -311,6 +346,17 @@ fn verdict(tuned: &Tuned, cover: Option<f64>) -> Section {
         .map(|i| format!("`{}`", i.sensor))
         .collect();
     let runs = format!("{} runs.", tuned.runs);
+    let of_stage = tuned.independence.iter().any(|i| i.stage.is_some());
+    if of_stage {
+        return section
+            .note(format!(
+                "The rows of {} are not independent: not tuned. Stages make them: a stage averages or filters rows of an instrument, or \
+                 selects them by their values. Tune a design in which a sensor reads the rows of its instrument itself, with the gate in the \
+                 sensor, or judge these noises by the errors against a reference.",
+                dependent.join(", ")
+            ))
+            .note(runs);
+    }
     if !dependent.is_empty() {
         return section
             .note(format!(

@@ -25,6 +25,7 @@ mod outage;
 mod parameter;
 mod record;
 mod sensitivity;
+mod slow;
 mod structure;
 mod trials;
 mod white;
@@ -32,13 +33,14 @@ mod white;
 use fusion_core::math;
 pub use outage::{Coasting, Outage};
 pub use parameter::Parameter;
+pub use slow::SlowError;
 pub use structure::{Advise, Proposal, structure};
 pub use white::Independence;
 
 use self::climb::{Point, Start, climb};
 use self::keep::{DOUBT, keep};
 use self::trials::{Part, Score, Trials};
-use crate::likelihood::densities;
+use crate::likelihood::{densities, densities_of_stages};
 use fusion::config::{Diagnostic, Diagnostics, Document, Edit};
 use fusion::design::Design;
 use fusion::run::Options;
@@ -161,6 +163,22 @@ pub struct Tuned {
 }
 
 impl Tuned {
+    /// Nothing is tuned, because no rows are independent.
+    fn refused(independence: Vec<Independence>, runs: u64) -> Self {
+        Self {
+            found: Vec::new(),
+            log_likelihood: 0.0,
+            nats: 0.0,
+            unseen: Vec::new(),
+            coasting: Vec::new(),
+            losing: Vec::new(),
+            is_worse_after_outages: false,
+            runs,
+            has_converged: true,
+            independence,
+        }
+    }
+
     /// Whether the innovations of all sensors are independent, so far as their number can tell.
     #[must_use]
     pub fn is_sound(&self) -> bool {
@@ -217,6 +235,10 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         settings,
         runs: &runs,
     };
+    if trials.densities.iter().all(Option::is_none) {
+        trials.densities = densities_of_stages(&design);
+        return Ok(Tuned::refused(white::of_stages(&design, &trials)?, runs.into_inner()));
+    }
     if let Some(outage) = &settings.outage {
         let declared = trials.at(&vec![0.0; trials.parameters.len()])?;
         trials.replays = outage::replays(&design, &trials, &declared, outage)?;
