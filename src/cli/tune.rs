@@ -12,7 +12,9 @@ use fusion::provenance::Provenance;
 use fusion::run::{KeptRows, Options, run};
 use fusion_advice::frames::judge;
 use fusion_judge::likelihood::Difference;
-use fusion_judge::tune::{Coasting, Found, Independence, Log, Outage, Proposal, Settings, SlowError, Tuned, structure, tune as tune_logs};
+use fusion_judge::tune::{
+    Coasting, Found, Hidden, Independence, Log, Outage, Proposal, Settings, Share, SlowError, Tuned, Unobserved, hidden, structure, tune as tune_logs,
+};
 use fusion_tables::{Cell, Column, Page, Section, Table, short};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -93,6 +95,7 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
     };
     let bar = Runs::new();
     let tuned = tune_logs(&logs, &args.params, &settings, &|runs, _| bar.at(runs, settings.most_runs))?;
+    let unseen = if tuned.is_sound() { hidden(&logs, &tuned, &settings)? } else { Vec::new() };
     drop(bar);
     let mut page = Page {
         title: design.run.description.clone(),
@@ -104,9 +107,12 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
             verdict(&tuned, settings.cover),
         ],
     };
+    if !unseen.is_empty() {
+        page.sections.insert(1, not_identifiable(&unseen, settings.outage.is_some()));
+    }
     if !tuned.coasting.is_empty() {
         page.sections.insert(
-            2,
+            page.sections.len() - 1,
             Section::new("After outages, on parts that were not seen", [outages(&tuned.coasting)]),
         );
     }
@@ -151,7 +157,7 @@ fn edits(args: &TuneArgs, design: &Design) -> Result<(), Failure> {
         provenance: Provenance::of(design, None),
         warnings: Vec::new(),
         sections: vec![if proposals.is_empty() {
-            section.note("Advice has no edit for the first half of this log.")
+            section.note("Advice has no edit for the first half of this log, and no sensor shows a slow error there.")
         } else {
             section
         }],
@@ -171,20 +177,22 @@ fn edits(args: &TuneArgs, design: &Design) -> Result<(), Failure> {
 fn slow_errors(found: &[&SlowError]) -> Section {
     let mut t = Table::new([
         Column::text("sensor"),
-        Column::text("1σ, SI"),
+        Column::text("1σ"),
         Column::number("correlation time [s]"),
         Column::number("95 % from"),
         Column::text("to"),
+        Column::text(""),
     ]);
     for slow in found {
         let each: Vec<String> = slow.sigma.iter().map(|sigma| short(*sigma)).collect();
         let (from, to) = slow.interval;
         t.row([
             Cell::text(&slow.sensor),
-            Cell::text(each.join(", ")),
+            Cell::text(format!("{} {}", each.join(", "), slow.unit)),
             Cell::Real(slow.correlation_time),
             Cell::Real(from),
             Cell::text(if to.is_finite() { short(to) } else { "no limit: the log is too short".to_owned() }),
+            Cell::text(if slow.is_further { "in addition to that which the design declares" } else { "" }),
         ]);
     }
     Section::new("Slow errors in the first half", [t]).note(
@@ -286,6 +294,52 @@ fn noises(found: &[Found]) -> Table {
         );
     }
     t
+}
+
+/// Why noises are not identifiable, and which motion says most about them.
+fn not_identifiable(found: &[Hidden], has_outages: bool) -> Section {
+    let mut t = Table::new([Column::text("noise"), Column::text("why it is not identifiable")]);
+    for own in found {
+        t.row([Cell::text(&own.parameter), Cell::text(why(own))]);
+    }
+    let section = Section::new("Not identifiable", [t]);
+    let is_short = |own: &Hidden| own.unobserved.is_none() && own.parameter.starts_with("process.");
+    if has_outages || !found.iter().any(is_short) {
+        return section;
+    }
+    section.note("The longer a prediction is, the more a noise of the process adds to it: `--outage` counts predictions over a declared time.")
+}
+
+fn why(hidden: &Hidden) -> String {
+    let percent = |share: f64| format!("{} %", short(two_digits(100.0 * share)));
+    if let Some(Unobserved { state, left, motion }) = &hidden.unobserved {
+        let motion = match motion {
+            Some((motion, factor)) => format!(
+                "The motion that says most about it is `{motion}`: without it, σ is {} % larger. More of that motion identifies it.",
+                short(two_digits(100.0 * (factor - 1.0)))
+            ),
+            None => "No motion of this log says anything about it.".to_owned(),
+        };
+        return format!(
+            "It moves `{state}`, which this log does not determine: {} of the initial σ are left. {motion}",
+            percent(*left)
+        );
+    }
+    let Some(Share { sensor, share, motion }) = &hidden.share else {
+        return "It changes no innovation.".to_owned();
+    };
+    let motion = motion
+        .as_ref()
+        .map_or_else(String::new, |(motion, share)| format!(" It adds {} in `{motion}`.", percent(*share)));
+    format!(
+        "Other errors hide it: it adds {} to the variance of the innovations of `{sensor}`.{motion}",
+        percent(*share)
+    )
+}
+
+/// A number with two significant digits.
+fn two_digits(value: f64) -> f64 {
+    format!("{value:.1e}").parse().unwrap_or(value)
 }
 
 fn outages(coasting: &[Coasting]) -> Table {

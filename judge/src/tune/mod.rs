@@ -20,6 +20,7 @@
 //! Not here   errors against a reference: the runs of the result show them
 
 mod climb;
+mod hidden;
 mod keep;
 mod outage;
 mod parameter;
@@ -31,6 +32,7 @@ mod trials;
 mod white;
 
 use fusion_core::math;
+pub use hidden::{Hidden, Share, Unobserved, hidden};
 pub use outage::{Coasting, Outage};
 pub use parameter::Parameter;
 pub use slow::SlowError;

@@ -136,12 +136,12 @@ pub(super) fn fit(response: &Response, chance: f64) -> Option<Fit> {
     let place = best(&all, taus.len());
     let others: Vec<Vec<Moments<'_>>> = blocks.iter().map(|b| axes(Some(*b))).collect();
     let places: Vec<f64> = others.iter().map(|own| best(own, taus.len())).collect();
-    let mut fitted = heard.iter().enumerate().map(|(axis, own)| {
+    let fitted = heard.iter().enumerate().map(|(axis, own)| {
         let [slow, white, _] = all[axis].fit(place);
         let each: Vec<f64> = others.iter().map(|axes| axes[axis].fit(place)[0]).collect();
         (slow, slow / jackknife(&each), 1.0 + white * own.noise.1 / own.noise.0)
     });
-    let fitted: Vec<(f64, f64, f64)> = fitted.by_ref().collect();
+    let fitted: Vec<(f64, f64, f64)> = fitted.collect();
     let limit = student(1.0 - chance / heard.len() as f64, blocks.len());
     if fitted.iter().all(|(_, sigmas, _)| !(*sigmas > limit)) {
         return None;
@@ -153,7 +153,10 @@ pub(super) fn fit(response: &Response, chance: f64) -> Option<Fit> {
     let (from, to, last) = (place - width, place + width, taus.len() as f64 - 1.0);
     Some(Fit {
         tau: tau_at(place),
-        interval: (if from < 1.0 { 0.0 } else { tau_at(from) }, if to > last { f64::INFINITY } else { tau_at(to) }),
+        interval: (
+            if from < 1.0 || width == 0.0 { 0.0 } else { tau_at(from) },
+            if to < last { tau_at(to) } else { f64::INFINITY },
+        ),
         variance: variance.collect(),
         white: fitted.iter().map(|f| f.2).sum::<f64>() / fitted.len() as f64,
     })

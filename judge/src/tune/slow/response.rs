@@ -18,7 +18,7 @@ use fusion_core::filter::Step;
 use fusion_core::linear::Jacobian;
 use fusion_core::math;
 use fusion_core::runner::{Event, Halt};
-use fusion_core::state::Layout;
+use fusion_core::state::{Dynamics, Layout};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -63,6 +63,10 @@ pub(super) struct Response {
     units: Vec<Unit>,
     /// Axes of the state, their numbers in the layout.
     axes: Vec<usize>,
+    /// Its unit, SI.
+    pub(super) unit: &'static str,
+    /// The declared 1σ of each axis and the correlation time \[s\], if the state is such an error already.
+    pub(super) declared: Option<(Vec<f64>, f64)>,
     pub(super) products: Vec<Products>,
     /// e after the latest row, to e now.
     carried: DMatrix<f64>,
@@ -117,6 +121,8 @@ impl Response {
             span,
             units: Vec::new(),
             axes: Vec::new(),
+            unit: "",
+            declared: None,
             products: Vec::new(),
             carried: DMatrix::zeros(0, 0),
             room: DMatrix::zeros(0, 0),
@@ -132,11 +138,16 @@ impl Response {
         &self.taus
     }
 
-    /// The numbers of the axes, within the state, of [`Response::products`].
+    /// The filter starts, or starts again.
     fn start(&mut self, layout: &Layout) {
         let n = layout.dim();
         let state = layout.blocks().iter().find(|block| block.name == self.state);
         self.axes = state.map_or_else(Vec::new, |block| block.tangent_range().collect());
+        self.unit = state.map_or("", |block| block.unit);
+        self.declared = state.and_then(|block| match &block.dynamics {
+            Dynamics::GaussMarkov { sigma, tau } => Some((sigma.to_vec(), *tau)),
+            _ => None,
+        });
         let unit = |axis: usize, tau: f64| {
             let mut joint = DMatrix::zeros(n + 1, n + 1);
             joint[(n, n)] = 1.0;
@@ -239,13 +250,11 @@ impl Response {
         let place = row.is_multiple_of(spacing).then_some(row / spacing % ANCHORS);
         let expected = self.units.par_iter_mut().map(|unit| {
             let (own, along, ahead) = &axes[unit.axis];
-            let seen = if own.amax() > 0.0 {
+            if own.amax() > 0.0 {
                 unit.hear(carried, elapsed, (along, ahead), k, place)
             } else {
-                unit.carry(carried, elapsed);
                 Vec::new()
-            };
-            seen
+            }
         });
         let expected: Vec<Vec<f64>> = expected.collect();
         for (number, seen) in expected.iter().enumerate().filter(|(_, seen)| !seen.is_empty()) {
