@@ -13,7 +13,8 @@ use fusion::run::{KeptRows, Options, run};
 use fusion_advice::frames::judge;
 use fusion_judge::likelihood::Difference;
 use fusion_judge::tune::{
-    Coasting, Found, Hidden, Independence, Log, Outage, Proposal, Settings, Share, SlowError, Tuned, Unobserved, hidden, structure, tune as tune_logs,
+    Coasting, Found, Hidden, Independence, Log, Outage, Proposal, Settings, Share, SlowError, Tuned, Unobserved, hidden, structure,
+    tune as tune_logs,
 };
 use fusion_tables::{Cell, Column, Page, Section, Table, short};
 use std::path::PathBuf;
@@ -95,7 +96,11 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
     };
     let bar = Runs::new();
     let tuned = tune_logs(&logs, &args.params, &settings, &|runs, _| bar.at(runs, settings.most_runs))?;
-    let unseen = if tuned.is_sound() { hidden(&logs, &tuned, &settings)? } else { Vec::new() };
+    let unseen = if tuned.is_sound() {
+        hidden(&logs, &tuned, &settings)?
+    } else {
+        Vec::new()
+    };
     drop(bar);
     let mut page = Page {
         title: design.run.description.clone(),
@@ -191,8 +196,16 @@ fn slow_errors(found: &[&SlowError]) -> Section {
             Cell::text(format!("{} {}", each.join(", "), slow.unit)),
             Cell::Real(slow.correlation_time),
             Cell::Real(from),
-            Cell::text(if to.is_finite() { short(to) } else { "no limit: the log is too short".to_owned() }),
-            Cell::text(if slow.is_further { "in addition to that which the design declares" } else { "" }),
+            Cell::text(if to.is_finite() {
+                short(to)
+            } else {
+                "no limit: the log is too short".to_owned()
+            }),
+            Cell::text(if slow.is_further {
+                "in addition to that which the design declares"
+            } else {
+                ""
+            }),
         ]);
     }
     Section::new("Slow errors in the first half", [t]).note(
@@ -307,7 +320,8 @@ fn not_identifiable(found: &[Hidden], has_outages: bool) -> Section {
     if has_outages || !found.iter().any(is_short) {
         return section;
     }
-    section.note("The longer a prediction is, the more a noise of the process adds to it: `--outage` counts predictions over a declared time.")
+    section
+        .note("The longer a prediction is, the more a noise of the process adds to it: `--outage` counts predictions over a declared time.")
 }
 
 fn why(hidden: &Hidden) -> String {
@@ -328,9 +342,9 @@ fn why(hidden: &Hidden) -> String {
     let Some(Share { sensor, share, motion }) = &hidden.share else {
         return "It changes no innovation.".to_owned();
     };
-    let motion = motion
-        .as_ref()
-        .map_or_else(String::new, |(motion, share)| format!(" It adds {} in `{motion}`.", percent(*share)));
+    let motion = motion.as_ref().map_or_else(String::new, |(motion, share)| {
+        format!(" It adds {} in `{motion}`.", percent(*share))
+    });
     format!(
         "Other errors hide it: it adds {} to the variance of the innovations of `{sensor}`.{motion}",
         percent(*share)

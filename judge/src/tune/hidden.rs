@@ -77,16 +77,18 @@ pub fn hidden(logs: &[Log], tuned: &Tuned, settings: &Settings) -> Result<Vec<Hi
     let design = Design::read(document.clone())?;
     let runs = AtomicU64::new(0);
     let factor = |j: usize| tuned.found[j].edit().map_or(1.0, |_| tuned.found[j].factor);
-    let trials = Trials {
+    let mut trials = Trials {
         logs: &logs[..1],
         parameters: tuned.found.iter().map(|found| found.parameter.clone()).collect(),
         densities: densities(&design),
         thinning: vec![Vec::new()],
+        from: Vec::new(),
         replays: Vec::new(),
         settings,
         runs: &runs,
     };
     let theta: Vec<f64> = (0..tuned.found.len()).map(|j| math::ln(factor(j))).collect();
+    trials.fix_rows()?;
     let base = trials.at(&theta)?;
     let sensitivity = Sensitivity::new(&trials, &theta, &wanted, &base)?;
     // A filter without a covariance has no observability.
@@ -120,7 +122,12 @@ struct Disturbed {
 impl Disturbed {
     fn of(document: &Document, options: &Options) -> Result<Self, Diagnostics> {
         let mut heard = Self::default();
-        run_sharing(&Design::read(document.clone())?, options, &SharedCourse::default(), &mut [&mut heard])?;
+        run_sharing(
+            &Design::read(document.clone())?,
+            options,
+            &SharedCourse::default(),
+            &mut [&mut heard],
+        )?;
         Ok(heard)
     }
 
@@ -132,9 +139,16 @@ impl Disturbed {
         let Some(layout) = &self.layout else { return Vec::new() };
         let grown = |i: usize| (raised.variance[i] - self.variance[i]).abs() / self.variance[i].max(f64::MIN_POSITIVE);
         let of_block = |range: core::ops::Range<usize>| range.map(grown).fold(0.0, f64::max);
-        let each: Vec<(String, f64)> = layout.blocks().iter().map(|b| (b.name.clone(), of_block(b.tangent_range()))).collect();
+        let each: Vec<(String, f64)> = layout
+            .blocks()
+            .iter()
+            .map(|b| (b.name.clone(), of_block(b.tangent_range())))
+            .collect();
         let most = each.iter().map(|(_, grown)| *grown).fold(NONE, f64::max);
-        each.into_iter().filter(|(_, grown)| *grown >= 0.5 * most).map(|(name, _)| name).collect()
+        each.into_iter()
+            .filter(|(_, grown)| *grown >= 0.5 * most)
+            .map(|(name, _)| name)
+            .collect()
     }
 }
 

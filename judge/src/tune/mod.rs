@@ -6,8 +6,9 @@
 //!        └── a step of Fisher scoring, one run, Broyden's update ◀┘
 //! ```
 //!
-//! Which rows count, and with which density, is as for the [likelihood](crate::likelihood) of a result. Rows of two runs
-//! are matched by their number.
+//! Which rows count, and with which density, is as for the [likelihood](crate::likelihood) of a result, with two
+//! exceptions: the time from which they count is that of the declared noises, at each θ, and a filter that never aligns has
+//! no rows that count. Rows of two runs are matched by their number.
 //!
 //! The likelihood assumes that innovations are independent. So the rows of a sensor are thinned until their neighbours
 //! are white. If they are then too few, nothing is tuned. The result is judged on parts of the log that it was not found
@@ -28,6 +29,8 @@ mod record;
 mod sensitivity;
 mod slow;
 mod structure;
+#[cfg(test)]
+mod tests;
 mod trials;
 mod white;
 
@@ -233,6 +236,7 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         parameters,
         densities: densities(&design),
         thinning: vec![Vec::new(); logs.len()],
+        from: Vec::new(),
         replays: Vec::new(),
         settings,
         runs: &runs,
@@ -241,8 +245,8 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         trials.densities = densities_of_stages(&design);
         return Ok(Tuned::refused(white::of_stages(&design, &trials)?, runs.into_inner()));
     }
+    let declared = trials.fix_rows()?;
     if let Some(outage) = &settings.outage {
-        let declared = trials.at(&vec![0.0; trials.parameters.len()])?;
         trials.replays = outage::replays(&design, &trials, &declared, outage)?;
     }
     let End {

@@ -11,8 +11,8 @@ mod response;
 
 use self::fit::{RATIO, fit};
 use self::response::Response;
-use super::record::{Recorder, Rows};
 use super::parameter::{Parameter, written};
+use super::record::{Recorder, Rows};
 use super::structure::Proposal;
 use super::white;
 use crate::likelihood::{densities, whitened};
@@ -55,7 +55,11 @@ pub(super) fn slow_errors(document: &Document, options: &Options) -> Result<Vec<
     let design = Design::read(document.clone())?;
     let mut recorder = Recorder::new(&design, &densities(&design), None);
     run_sharing(&design, options, &SharedCourse::default(), &mut [&mut recorder])?;
-    let heard = recorder.sensors.into_iter().enumerate().filter_map(|(k, rows)| Some((k, rows.filter(|rows| rows.len() >= white::FEWEST)?)));
+    let heard = recorder
+        .sensors
+        .into_iter()
+        .enumerate()
+        .filter_map(|(k, rows)| Some((k, rows.filter(|rows| rows.len() >= white::FEWEST)?)));
     let heard: Vec<(usize, Rows)> = heard.collect();
     let mut found = Vec::new();
     for (sensor, rows) in &heard {
@@ -69,7 +73,7 @@ pub(super) fn slow_errors(document: &Document, options: &Options) -> Result<Vec<
         let taus = [0.0].into_iter().chain(taus).collect();
         let mut response = Response::new(*sensor, format!("{name}.bias"), taus, rows.len(), span);
         run_sharing(&trial.design, options, &SharedCourse::default(), &mut [&mut response])?;
-        let fit = fit(&response, CHANCE / heard.len() as f64);
+        let fit = fit(&response.products, response.taus(), CHANCE / heard.len() as f64);
         if let Some(fit) = fit {
             found.extend(trial.proposal(name, &fit, &response));
         }
@@ -95,7 +99,9 @@ impl Trial {
         let mut raised_document = document.clone();
         let raised = math::sqrt(excess(rows).max(1.0));
         let noise = Parameter::select(document, &[format!("sensor.{name}.noise")]).unwrap_or_default();
-        noise.iter().try_for_each(|noise| raised_document.apply(&noise.times(raised, None)))?;
+        noise
+            .iter()
+            .try_for_each(|noise| raised_document.apply(&noise.times(raised, None)))?;
         let declared = |key: &str| document.root().at(&format!("sensor.{name}.bias.{key}")).is_some();
         let with_bias = |zero: &'static str| {
             let bias = format!("{{ estimate = true, initial = {zero}, sigma = {ABSENT}, correlation_time = \"1000 s\" }}");
@@ -128,14 +134,16 @@ impl Trial {
         let sigma: Vec<f64> = all.iter().map(|v| math::sqrt(*v)).collect();
         let quantity = |value: f64, unit: &str| format!("\"{} {unit}\"", written(value, Some(3)));
         let each: Vec<String> = sigma.iter().map(|s| quantity(*s, response.unit)).collect();
-        let sigma_in_toml = if each.len() == 1 { each.concat() } else { format!("[{}]", each.join(", ")) };
+        let sigma_in_toml = if each.len() == 1 {
+            each.concat()
+        } else {
+            format!("[{}]", each.join(", "))
+        };
         let time_in_toml = quantity(correlation_time, "s");
         let bias = format!("sensor.{name}.bias");
         let mut edits = match self.zero {
             Some(zero) => {
-                let state = format!(
-                    "{{ estimate = true, initial = {zero}, sigma = {sigma_in_toml}, correlation_time = {time_in_toml} }}"
-                );
+                let state = format!("{{ estimate = true, initial = {zero}, sigma = {sigma_in_toml}, correlation_time = {time_in_toml} }}");
                 vec![Edit::set(bias, state)]
             }
             None => vec![

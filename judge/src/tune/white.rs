@@ -131,27 +131,51 @@ pub(super) fn judge(design: &Design, trials: &Trials<'_>, score: &Score) -> Vec<
 /// The innovations of the sensors that stages feed, with the declared noises: none of them is independent.
 pub(super) fn of_stages(design: &Design, trials: &Trials<'_>) -> Result<Vec<Independence>, Diagnostics> {
     let score = trials.at(&vec![0.0; trials.parameters.len()])?;
-    let stage = |sensor: &str| design.sensors.iter().find(|s| s.name == sensor).map(|s| s.block.common.source.clone());
+    let stage = |sensor: &str| {
+        design
+            .sensors
+            .iter()
+            .find(|s| s.name == sensor)
+            .map(|s| s.block.common.source.clone())
+    };
     let refused = |own: Independence| Independence {
         is_white: false,
         stage: stage(&own.sensor),
         ..own
     };
     let found: Vec<Independence> = judge(design, trials, &score).into_iter().map(refused).collect();
-    if found.is_empty() { Err(none_counts(design, trials, &score).into()) } else { Ok(found) }
+    if found.is_empty() {
+        Err(none_counts(design, trials, &score).into())
+    } else {
+        Ok(found)
+    }
 }
 
 /// The error for a log without innovations, with the rows of each sensor that could have some.
 fn none_counts(design: &Design, trials: &Trials<'_>, score: &Score) -> Diagnostic {
     let error = Diagnostic::error("no innovation counts");
-    if score.logs().iter().all(|(_, from)| from.is_infinite()) {
-        return error.help("the filter never started: `fusion run` shows the rows that it waits for");
-    }
     let sensors = design.sensors.iter().enumerate().filter(|(k, _)| trials.densities[*k].is_some());
-    let rows = |sensor: usize| -> u32 { score.logs().iter().filter_map(|(all, _)| all[sensor].as_ref()).map(Rows::heard).sum() };
+    let rows = |sensor: usize| -> u32 {
+        score
+            .logs()
+            .iter()
+            .filter_map(|(all, _)| all[sensor].as_ref())
+            .map(Rows::heard)
+            .sum()
+    };
+    let is_aligned = score.logs().iter().any(|(_, from)| from.is_finite());
     let each = sensors.map(|(k, sensor)| match rows(k) {
         0 => format!("no row of `{}` reached the filter", sensor.name),
-        rows => format!("{rows} rows of `{}` are before the alignment, of a vehicle at rest, or without a covariance", sensor.name),
+        rows if is_aligned => {
+            format!(
+                "{rows} rows of `{}` are before the alignment, of a vehicle at rest, or without a covariance",
+                sensor.name
+            )
+        }
+        rows => format!(
+            "{rows} rows of `{}` came while the filter was not aligned; `fusion run` shows why it never was",
+            sensor.name
+        ),
     });
     let each: Vec<String> = each.collect();
     error.help(if each.is_empty() {

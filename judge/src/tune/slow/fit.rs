@@ -9,7 +9,7 @@
 //!
 //! Source     Miller 1974 (Biometrika 61, 1): the jackknife
 
-use super::response::{Products, Response};
+use super::response::Products;
 use crate::likelihood::BLOCKS;
 use fusion_core::math;
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -42,7 +42,14 @@ struct Moments<'a> {
 impl<'a> Moments<'a> {
     fn of(products: &'a Products, without: Option<usize>) -> Self {
         let scale = products.declared.0 / products.declared.1;
-        let blocks = || products.observed.iter().enumerate().filter(|(b, _)| Some(*b) != without).map(|(_, own)| own);
+        let blocks = || {
+            products
+                .observed
+                .iter()
+                .enumerate()
+                .filter(|(b, _)| Some(*b) != without)
+                .map(|(_, own)| own)
+        };
         let of_lag = |lag: usize| {
             let (sum, count) = blocks().fold((0.0, 0.0), |all, own| (all.0 + own[lag].0, all.1 + own[lag].1));
             let expected = if lag == 0 { scale } else { 0.0 };
@@ -85,7 +92,9 @@ impl<'a> Moments<'a> {
         // A variance is not negative, and no number follows from equal columns.
         let slow = if slow > 0.0 { slow } else { 0.0 };
         let white = (b[1] - a[1][0] * slow) / a[1][1];
-        let squares: f64 = rows().map(|(unit, excess)| math::powi(excess - slow * unit[0] - white * unit[1], 2)).sum();
+        let squares: f64 = rows()
+            .map(|(unit, excess)| math::powi(excess - slow * unit[0] - white * unit[1], 2))
+            .sum();
         [slow, white, squares / (self.scale * self.scale)]
     }
 }
@@ -121,11 +130,10 @@ fn student(probability: f64, blocks: usize) -> f64 {
     StudentsT::new(0.0, 1.0, blocks as f64 - 1.0).map_or(f64::INFINITY, |t| t.inverse_cdf(probability))
 }
 
-/// The slow error that a run shows, unless chance alone gives one of its axes such an error with this probability; `None`
-/// also if too few rows were heard.
-pub(super) fn fit(response: &Response, chance: f64) -> Option<Fit> {
-    let taus = response.taus();
-    let heard: Vec<&Products> = response.products.iter().filter(|own| own.declared.1 > 0.0).collect();
+/// The slow error that products show, with the correlation times that were tried, of which the first is white noise. `None` if
+/// chance alone gives one of the axes such an error with this probability, and if too few rows were heard.
+pub(super) fn fit(products: &[Products], taus: &[f64], chance: f64) -> Option<Fit> {
+    let heard: Vec<&Products> = products.iter().filter(|own| own.declared.1 > 0.0).collect();
     let is_filled = |b: &usize| heard.iter().all(|own| own.observed[*b][0].1 > 0.0);
     let blocks: Vec<usize> = (0..BLOCKS).filter(is_filled).collect();
     if heard.is_empty() || taus.len() < 3 || blocks.len() < 2 {
@@ -147,7 +155,13 @@ pub(super) fn fit(response: &Response, chance: f64) -> Option<Fit> {
         return None;
     }
     let mut variances = fitted.iter().map(|f| f.0);
-    let variance = response.products.iter().map(|own| if own.declared.1 > 0.0 { variances.next().unwrap_or(0.0) } else { 0.0 });
+    let variance = products.iter().map(|own| {
+        if own.declared.1 > 0.0 {
+            variances.next().unwrap_or(0.0)
+        } else {
+            0.0
+        }
+    });
     let width = student(0.975, blocks.len()) * jackknife(&places);
     let tau_at = |place: f64| taus[1] * math::exp((place - 1.0) * math::ln(RATIO));
     let (from, to, last) = (place - width, place + width, taus.len() as f64 - 1.0);
@@ -160,4 +174,69 @@ pub(super) fn fit(response: &Response, chance: f64) -> Option<Fit> {
         variance: variance.collect(),
         white: fitted.iter().map(|f| f.2).sum::<f64>() / fitted.len() as f64,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sensor whose error is not followed: unit errors have the autocorrelation e^(−l/τ).
+    fn products(taus: &[f64], observed: impl Fn(usize, usize) -> f64) -> Products {
+        let lags = 0..12_u32;
+        let unit = |tau: f64| {
+            lags.clone()
+                .map(|lag| {
+                    (
+                        (if tau > 0.0 {
+                            (-f64::from(lag) / tau).exp()
+                        } else {
+                            f64::from(u8::from(lag == 0))
+                        }),
+                        1.0,
+                    )
+                })
+                .collect()
+        };
+        Products {
+            observed: (0..BLOCKS)
+                .map(|b| lags.clone().map(|lag| (observed(b, lag as usize), 1.0)).collect())
+                .collect(),
+            expected: taus.iter().map(|tau| unit(*tau)).collect(),
+            declared: (4.0, 1.0),
+            noise: (4.0, 1.0),
+        }
+    }
+
+    #[test]
+    fn variance_and_correlation_time_of_an_exact_autocorrelation_are_found() {
+        let taus = [0.0, 1.0, 2.0, 4.0, 8.0, 16.0];
+        // σ² = 9 with τ = 4, and white noise of variance 1 where 4 is declared. Blocks differ by a part in ten thousand.
+        let exact =
+            |b: usize, lag: usize| (9.0 * (-(lag as f64) / 4.0).exp() + if lag == 0 { 1.0 } else { 0.0 }) * (1.0 + 1e-4 * (b as f64 - 9.5));
+        let found = fit(&[products(&taus, exact)], &taus, 0.05).unwrap();
+        // The blocks have the mean 1, and a parabola through unequal neighbours moves the vertex by less than a quarter.
+        assert!((found.tau / 4.0 - 1.0).abs() < 0.25, "{found:?}");
+        assert!(found.interval.0 <= found.tau && found.tau <= found.interval.1, "{found:?}");
+        let at_best = products(&taus, exact);
+        let moments = Moments::of(&at_best, None);
+        let [slow, white, squares] = moments.fit(3.0);
+        assert!(
+            (slow - 9.0).abs() < 1e-9 && (white + 3.0).abs() < 1e-9 && squares < 1e-18,
+            "{slow} {white} {squares}"
+        );
+    }
+
+    #[test]
+    fn white_innovations_have_no_slow_error() {
+        let taus = [0.0, 1.0, 2.0, 4.0, 8.0, 16.0];
+        // Products at lags above zero are noise that changes its sign from block to block.
+        let white = |b: usize, lag: usize| {
+            if lag == 0 {
+                4.0
+            } else {
+                0.3 * (((7 * b + 3 * lag) % 5) as f64 - 2.0)
+            }
+        };
+        assert_eq!(fit(&[products(&taus, white)], &taus, 0.05), None);
+    }
 }

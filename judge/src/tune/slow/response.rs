@@ -153,10 +153,18 @@ impl Response {
             joint[(n, n)] = 1.0;
             let past = DMatrix::zeros(n + 1, ANCHORS);
             let room = DMatrix::zeros(n + 1, n + 1);
-            Unit { axis, tau, joint, past, room }
+            Unit {
+                axis,
+                tau,
+                joint,
+                past,
+                room,
+            }
         };
         let count = self.axes.len();
-        self.units = (0..count).flat_map(|axis| self.taus.iter().map(move |tau| unit(axis, *tau))).collect();
+        self.units = (0..count)
+            .flat_map(|axis| self.taus.iter().map(move |tau| unit(axis, *tau)))
+            .collect();
         self.carried = DMatrix::identity(n, n);
         self.room = self.carried.clone();
         self.latest = None;
@@ -345,4 +353,45 @@ fn dense(jacobian: &Jacobian, m: usize, n: usize) -> DMatrix<f64> {
 /// Adds a value to a sum, and counts it.
 fn add(sum: &mut (f64, f64), value: f64) {
     *sum = (sum.0 + value, sum.1 + 1.0);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn classes_of_lags_hold_each_lag_once_and_grow() {
+        let lags = Lags::up_to(30);
+        let classes: Vec<usize> = (0..=lags.longest()).map(|lag| lags.class(lag).unwrap()).collect();
+        assert_eq!(classes[..4], [0, 1, 2, 3]);
+        assert!(classes.windows(2).all(|pair| pair[1] - pair[0] <= 1), "{classes:?}");
+        assert!(lags.longest() >= 30 && lags.class(lags.longest() + 1).is_none());
+    }
+
+    /// A filter of a constant with the gain K and a white and a slow error: the innovations have the autocorrelation of
+    /// e − x̂, x̂⁺ = x̂ + K (e − x̂). For white e of variance 1, the variance of e − x̂ is 2/(2 − K), and the covariance at
+    /// lag 1 is −K/(2 − K).
+    #[test]
+    fn the_answer_of_a_filter_with_a_constant_gain_is_that_of_its_closed_form() {
+        let gain = 0.25;
+        let (h, k) = (DMatrix::from_element(1, 1, 1.0), DMatrix::from_element(1, 1, gain));
+        let mut unit = Unit {
+            axis: 0,
+            tau: 0.0,
+            joint: DMatrix::from_diagonal(&DVector::from_vec(vec![0.0, 1.0])),
+            past: DMatrix::zeros(2, ANCHORS),
+            room: DMatrix::zeros(2, 2),
+        };
+        let ahead = DMatrix::from_row_slice(1, 2, &[-1.0, 1.0]);
+        let along = DVector::from_element(1, 1.0);
+        let mut seen = Vec::new();
+        for row in 0..200 {
+            seen = unit.hear(&h, 1.0, (&along, &ahead), &k, Some(row % ANCHORS));
+        }
+        // After 200 rows, 0.75^400 of the start are left.
+        assert!((seen[0] - 2.0 / (2.0 - gain)).abs() < 1e-12, "{seen:?}");
+        // The last row is in place 199 mod 16; the one before it is at lag 1.
+        let before = seen[1 + 198 % ANCHORS];
+        assert!((before + gain / (2.0 - gain)).abs() < 1e-12, "{before}");
+    }
 }
