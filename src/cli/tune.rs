@@ -53,8 +53,9 @@ pub(super) struct TuneArgs {
     /// Another start of the search: the declared noises with one of them changed, as by `--set`. The best end counts.
     #[arg(long, value_name = "PATH=VALUE")]
     start: Vec<String>,
-    /// Tries the edits of advice in place of noises. Advice sees the first half of the log. An edit is proposed if the
-    /// innovations of the second half are more probable with it.
+    /// Tries the edits of advice, and states for slow errors of sensors, in place of noises. Advice sees the first half of the
+    /// log, and so does the autocorrelation of innovations. An edit is proposed if the innovations of the second half are more
+    /// probable with it.
     #[arg(long, conflicts_with_all = ["params", "also", "settle", "within", "outage", "cover", "start"])]
     structure: bool,
     #[command(flatten)]

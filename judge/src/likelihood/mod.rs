@@ -29,7 +29,7 @@ pub(crate) fn densities(design: &Design) -> Vec<Option<Density>> {
     densities_of(design, |sensor| is_real(design, sensor))
 }
 
-/// The same of the sensors that measure by the rows of a stage, and of no others.
+/// The densities of the sensors that measure by the rows of a stage; `None` for all others.
 pub(crate) fn densities_of_stages(design: &Design) -> Vec<Option<Density>> {
     densities_of(design, |sensor| is_measured(sensor) && is_of_stage(design, sensor))
 }

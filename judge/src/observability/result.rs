@@ -186,7 +186,7 @@ impl Observability {
         Some((most.0, most.1))
     }
 
-    /// What a cause is called: the motion of a segment with its time, or the kind of motion.
+    /// The name of a cause: the motion of a segment with its time, or the kind of motion.
     #[must_use]
     pub fn name_of(&self, cause: Cause) -> String {
         match cause {

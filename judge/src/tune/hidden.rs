@@ -35,7 +35,7 @@ pub struct Hidden {
     pub parameter: String,
     /// The state that it moves and that the log says most about, if the log determines none of the states that it moves.
     pub unobserved: Option<Unobserved>,
-    /// What it adds to the innovations that say most about it; `None` if it changes no innovation.
+    /// Its share of the innovations that say most about it; `None` if it changes no innovation.
     pub share: Option<Share>,
 }
 
@@ -51,7 +51,7 @@ pub struct Unobserved {
     pub motion: Option<(String, f64)>,
 }
 
-/// What a noise adds to innovations.
+/// The share of a noise in innovations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Share {
     /// The sensor.

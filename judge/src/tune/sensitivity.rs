@@ -39,7 +39,7 @@ struct Row {
     slope: Vec<f64>,
 }
 
-/// What a row says of a parameter.
+/// The information of a row about a parameter.
 pub(super) struct Said {
     pub(super) sensor: usize,
     pub(super) time: f64,

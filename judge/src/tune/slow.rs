@@ -13,7 +13,6 @@ use self::fit::{RATIO, fit};
 use self::response::Response;
 use super::parameter::{Parameter, written};
 use super::record::{Recorder, Rows};
-use super::structure::Proposal;
 use super::white;
 use crate::likelihood::{densities, whitened};
 use fusion::config::{Diagnostics, Document, Edit};
@@ -41,17 +40,15 @@ pub struct SlowError {
     pub is_further: bool,
 }
 
-/// The rule of advice that finds innovations which are like the one before.
-const RULE: &str = "innovations-last";
-
 /// A slow error is proposed if chance alone makes one for any sensor with this probability.
 const CHANCE: f64 = 0.05;
 
 /// The 1σ of the state whose response is wanted, in SI: its variance is below rounding of that of any noise.
 const ABSENT: &str = "1e-9";
 
-/// The slow errors that the innovations of the log show beyond those that are states already.
-pub(super) fn slow_errors(document: &Document, options: &Options) -> Result<Vec<Proposal>, Diagnostics> {
+/// The slow errors that the innovations of the log show beyond those that are states already, each with the edits that give
+/// it a state.
+pub(super) fn slow_errors(document: &Document, options: &Options) -> Result<Vec<(SlowError, Vec<Edit>)>, Diagnostics> {
     let design = Design::read(document.clone())?;
     let mut recorder = Recorder::new(&design, &densities(&design), None);
     run_sharing(&design, options, &SharedCourse::default(), &mut [&mut recorder])?;
@@ -75,7 +72,7 @@ pub(super) fn slow_errors(document: &Document, options: &Options) -> Result<Vec<
         run_sharing(&trial.design, options, &SharedCourse::default(), &mut [&mut response])?;
         let fit = fit(&response.products, response.taus(), CHANCE / heard.len() as f64);
         if let Some(fit) = fit {
-            found.extend(trial.proposal(name, &fit, &response));
+            found.extend(trial.edits(name, &fit, &response));
         }
     }
     Ok(found)
@@ -124,7 +121,7 @@ impl Trial {
 
     /// The edits that give the slow error a state, and leave the white part of the noise. A state that the design has
     /// already gets the sum of both variances, and of both σ²/τ.
-    fn proposal(&self, name: &str, fit: &fit::Fit, response: &Response) -> Option<Proposal> {
+    fn edits(&self, name: &str, fit: &fit::Fit, response: &Response) -> Option<(SlowError, Vec<Edit>)> {
         let none = || (vec![0.0; fit.variance.len()], f64::INFINITY);
         let (declared, tau) = if self.zero.is_some() { none() } else { response.declared.clone()? };
         let before: Vec<f64> = declared.iter().map(|sigma| sigma * sigma).collect();
@@ -163,10 +160,7 @@ impl Trial {
             interval: fit.interval,
             is_further: self.zero.is_none(),
         };
-        Some(Proposal {
-            slow: Some(slow),
-            ..Proposal::new(RULE, edits)
-        })
+        Some((slow, edits))
     }
 }
 

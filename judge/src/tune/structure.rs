@@ -50,6 +50,9 @@ impl Proposal {
     }
 }
 
+/// The rule of advice that reports innovations which are like the one before.
+const LASTING: &str = "innovations-last";
+
 /// Advises on a design.
 pub type Advise<'a> = dyn Fn(&Design) -> Result<Vec<Proposal>, Diagnostics> + 'a;
 
@@ -74,7 +77,10 @@ pub fn structure(document: &Document, options: &Options, advise: &Advise<'_>) ->
     };
     let slow = slow_errors(&half, options)?;
     let mut proposals = advise(&Design::read(half)?)?;
-    proposals.extend(slow);
+    proposals.extend(slow.into_iter().map(|(slow, edits)| Proposal {
+        slow: Some(slow),
+        ..Proposal::new(LASTING, edits)
+    }));
     Ok(proposals.into_par_iter().map(judged).collect())
 }
 

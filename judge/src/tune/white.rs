@@ -42,8 +42,8 @@ pub struct Independence {
     pub varies: f64,
     /// Whether nothing refutes that the rows are used as what they are.
     pub is_white: bool,
-    /// The stage that makes its rows from those of an instrument, if no sensor of the design reads an instrument itself. Such
-    /// rows are never independent: a stage averages or filters its input, or selects rows by their values.
+    /// The stage that makes its rows, if no sensor of the design reads an instrument itself. Rows of a stage are never
+    /// independent: it averages or filters its input, or selects rows by their values.
     pub stage: Option<String>,
 }
 

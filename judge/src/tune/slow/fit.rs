@@ -62,7 +62,7 @@ impl<'a> Moments<'a> {
         }
     }
 
-    /// What a unit error gives at a lag, between two correlation times that were tried.
+    /// The mean product that a unit error gives at a lag, between two correlation times that were tried.
     fn unit(&self, place: f64, lag: usize) -> f64 {
         let mean = |tau: usize| {
             let (sum, count) = self.products.expected[tau][lag];
@@ -151,7 +151,8 @@ pub(super) fn fit(products: &[Products], taus: &[f64], chance: f64) -> Option<Fi
     });
     let fitted: Vec<(f64, f64, f64)> = fitted.collect();
     let limit = student(1.0 - chance / heard.len() as f64, blocks.len());
-    if fitted.iter().all(|(_, sigmas, _)| !(*sigmas > limit)) {
+    // A variance of zero without scatter has no number of its 1σ.
+    if !fitted.iter().any(|(_, sigmas, _)| *sigmas > limit) {
         return None;
     }
     let mut variances = fitted.iter().map(|f| f.0);
