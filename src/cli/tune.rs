@@ -406,6 +406,19 @@ fn innovations(independence: &[Independence]) -> Table {
     t
 }
 
+/// Why nothing is tuned on the rows of `dependent` sensors, and what to do.
+fn refusal(tuned: &Tuned, dependent: &str) -> String {
+    let what = if tuned.independence.iter().any(|i| i.stage.is_some()) {
+        "Stages make them: a stage averages or filters rows of an instrument, or selects them by their values. Tune a design in which a \
+         sensor reads the rows of its instrument itself, with the gate in the sensor, or judge these noises by the errors against a \
+         reference."
+    } else {
+        "An error that lasts needs a state, not a noise: `fusion tune --structure` looks for one, `fusion run` says what the innovations \
+         look like, and `fusion check --data DIR` looks for a mistake."
+    };
+    format!("The rows of {dependent} are not independent: not tuned. {what}")
+}
+
 fn verdict(tuned: &Tuned, cover: Option<f64>) -> Section {
     let section = Section::new("Verdict", []);
     let dependent: Vec<String> = tuned
@@ -415,25 +428,8 @@ fn verdict(tuned: &Tuned, cover: Option<f64>) -> Section {
         .map(|i| format!("`{}`", i.sensor))
         .collect();
     let runs = format!("{} runs.", tuned.runs);
-    let of_stage = tuned.independence.iter().any(|i| i.stage.is_some());
-    if of_stage {
-        return section
-            .note(format!(
-                "The rows of {} are not independent: not tuned. Stages make them: a stage averages or filters rows of an instrument, or \
-                 selects them by their values. Tune a design in which a sensor reads the rows of its instrument itself, with the gate in the \
-                 sensor, or judge these noises by the errors against a reference.",
-                dependent.join(", ")
-            ))
-            .note(runs);
-    }
     if !dependent.is_empty() {
-        return section
-            .note(format!(
-                "The rows of {} are not independent: not tuned. An error that lasts needs a state, not a noise: `fusion run` says what the \
-                 innovations look like, `fusion check --data DIR` looks for a mistake.",
-                dependent.join(", ")
-            ))
-            .note(runs);
+        return section.note(refusal(tuned, &dependent.join(", "))).note(runs);
     }
     let parts: Vec<String> = tuned.unseen.iter().map(|gain| format!("{gain:.1}")).collect();
     let unseen = format!(

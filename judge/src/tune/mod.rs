@@ -282,13 +282,7 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         is_refuted: refuted.contains(&j),
     });
     let found: Vec<Found> = found.collect();
-    if trials.is_thinned() {
-        trials.thinning = vec![Vec::new(); logs.len()];
-        let whole = trials.at(&point.theta)?;
-        for (own, whole) in independence.iter_mut().zip(white::judge(&design, &trials, &whole)) {
-            own.overweighted = whole.overweighted;
-        }
-    }
+    overweigh_all(&mut trials, &design, &point, &mut independence)?;
     Ok(Tuned {
         found,
         log_likelihood,
@@ -301,6 +295,18 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         has_converged: point.has_converged,
         independence,
     })
+}
+
+/// Judges by all rows how much the noises overweight them, if the search used a part of them.
+fn overweigh_all(trials: &mut Trials<'_>, design: &Design, point: &Point, independence: &mut [Independence]) -> Result<(), Diagnostics> {
+    if trials.is_thinned() {
+        trials.thinning = vec![Vec::new(); trials.logs.len()];
+        let whole = trials.at(&point.theta)?;
+        for (own, whole) in independence.iter_mut().zip(white::judge(design, trials, &whole)) {
+            own.overweighted = whole.overweighted;
+        }
+    }
+    Ok(())
 }
 
 /// By how much the logarithm of each parameter grows, so that the found noise of a sensor holds in a declared share of parts.

@@ -68,7 +68,7 @@ fn rows_before_the_filter_starts_do_not_count_and_the_error_says_so() {
     }];
     let error = tune(&logs, &[], &Settings::default(), &|_, _| {}).unwrap_err().to_string();
     assert!(
-        error.contains("no innovation counts") && error.contains("no row of `gps_position` reached the filter"),
+        error.contains("no innovation counts") && error.contains("no row of `gps_position`, `gps_velocity`, `compass` reached the filter"),
         "{error}"
     );
 }

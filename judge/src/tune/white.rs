@@ -154,34 +154,27 @@ pub(super) fn of_stages(design: &Design, trials: &Trials<'_>) -> Result<Vec<Inde
 /// The error for a log without innovations, with the rows of each sensor that could have some.
 fn none_counts(design: &Design, trials: &Trials<'_>, score: &Score) -> Diagnostic {
     let error = Diagnostic::error("no innovation counts");
-    let sensors = design.sensors.iter().enumerate().filter(|(k, _)| trials.densities[*k].is_some());
-    let rows = |sensor: usize| -> u32 {
-        score
-            .logs()
-            .iter()
-            .filter_map(|(all, _)| all[sensor].as_ref())
-            .map(Rows::heard)
-            .sum()
+    let heard = |sensor: usize| -> u32 {
+        let each = score.logs().iter().filter_map(|(all, _)| all[sensor].as_ref());
+        each.map(Rows::heard).sum()
     };
-    let is_aligned = score.logs().iter().any(|(_, from)| from.is_finite());
-    let each = sensors.map(|(k, sensor)| match rows(k) {
-        0 => format!("no row of `{}` reached the filter", sensor.name),
-        rows if is_aligned => {
-            format!(
-                "{rows} rows of `{}` are before the alignment, of a vehicle at rest, or without a covariance",
-                sensor.name
-            )
-        }
-        rows => format!(
-            "{rows} rows of `{}` came while the filter was not aligned; `fusion run` shows why it never was",
-            sensor.name
-        ),
-    });
-    let each: Vec<String> = each.collect();
-    error.help(if each.is_empty() {
+    let sensors = design.sensors.iter().enumerate().filter(|(k, _)| trials.densities[*k].is_some());
+    let sensors: Vec<(&str, u32)> = sensors.map(|(k, sensor)| (&*sensor.name, heard(k))).collect();
+    let names = |text: fn(&(&str, u32)) -> String| sensors.iter().map(text).collect::<Vec<_>>().join(", ");
+    error.help(if sensors.is_empty() {
         "no sensor of the design measures: a constraint agrees with itself".to_owned()
+    } else if sensors.iter().all(|(_, rows)| *rows == 0) {
+        let names = names(|(name, _)| format!("`{name}`"));
+        format!("no row of {names} reached the filter: `fusion run` shows what it waits for")
     } else {
-        each.join("; ")
+        let rows = names(|(name, rows)| format!("{rows} rows of `{name}`"));
+        let is_aligned = score.logs().iter().any(|(_, from)| from.is_finite());
+        let why = if is_aligned {
+            "are before the alignment, of a vehicle at rest, or without a covariance"
+        } else {
+            "came while the filter was not aligned: `fusion run` shows why it never was"
+        };
+        format!("{rows} {why}")
     })
 }
 
