@@ -12,7 +12,10 @@ use fusion::provenance::Provenance;
 use fusion::run::{KeptRows, Options, run};
 use fusion_advice::frames::judge;
 use fusion_judge::likelihood::Difference;
-use fusion_judge::tune::{Coasting, Found, Independence, Log, Outage, Proposal, Settings, Tuned, structure, tune as tune_logs};
+use fusion_judge::tune::{
+    Coasting, Found, Hidden, Independence, Log, Outage, Proposal, Settings, Share, SlowError, Tuned, Unobserved, hidden, structure,
+    tune as tune_logs,
+};
 use fusion_tables::{Cell, Column, Page, Section, Table, short};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -50,8 +53,9 @@ pub(super) struct TuneArgs {
     /// Another start of the search: the declared noises with one of them changed, as by `--set`. The best end counts.
     #[arg(long, value_name = "PATH=VALUE")]
     start: Vec<String>,
-    /// Tries the edits of advice in place of noises. Advice sees the first half of the log. An edit is proposed if the
-    /// innovations of the second half are more probable with it.
+    /// Tries the edits of advice, and states for slow errors of sensors, in place of noises. Advice sees the first half of the
+    /// log, and so does the autocorrelation of innovations. An edit is proposed if the innovations of the second half are more
+    /// probable with it.
     #[arg(long, conflicts_with_all = ["params", "also", "settle", "within", "outage", "cover", "start"])]
     structure: bool,
     #[command(flatten)]
@@ -93,6 +97,11 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
     };
     let bar = Runs::new();
     let tuned = tune_logs(&logs, &args.params, &settings, &|runs, _| bar.at(runs, settings.most_runs))?;
+    let unseen = if tuned.is_sound() {
+        hidden(&logs, &tuned, &settings)?
+    } else {
+        Vec::new()
+    };
     drop(bar);
     let mut page = Page {
         title: design.run.description.clone(),
@@ -104,9 +113,12 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
             verdict(&tuned, settings.cover),
         ],
     };
+    if !unseen.is_empty() {
+        page.sections.insert(1, not_identifiable(&unseen, settings.outage.is_some()));
+    }
     if !tuned.coasting.is_empty() {
         page.sections.insert(
-            2,
+            page.sections.len() - 1,
             Section::new("After outages, on parts that were not seen", [outages(&tuned.coasting)]),
         );
     }
@@ -151,16 +163,57 @@ fn edits(args: &TuneArgs, design: &Design) -> Result<(), Failure> {
         provenance: Provenance::of(design, None),
         warnings: Vec::new(),
         sections: vec![if proposals.is_empty() {
-            section.note("Advice has no edit for the first half of this log.")
+            section.note("Advice has no edit for the first half of this log, and no sensor shows a slow error there.")
         } else {
             section
         }],
     };
+    let slow: Vec<&SlowError> = proposals.iter().filter_map(|proposal| proposal.slow.as_ref()).collect();
+    if !slow.is_empty() {
+        page.sections.push(slow_errors(&slow));
+    }
     let better = proposals.iter().filter(|proposal| proposal.is_better() == Some(true));
     let better: Vec<Edit> = better.flat_map(|proposal| proposal.edits.clone()).collect();
     page.sections.extend(args.fix.write(&args.design, &better)?);
     args.output.print(&page)?;
     Ok(())
+}
+
+/// The slow errors that innovations show.
+fn slow_errors(found: &[&SlowError]) -> Section {
+    let mut t = Table::new([
+        Column::text("sensor"),
+        Column::text("1σ"),
+        Column::number("correlation time [s]"),
+        Column::number("95 % from"),
+        Column::text("to"),
+        Column::text(""),
+    ]);
+    for slow in found {
+        let each: Vec<String> = slow.sigma.iter().map(|sigma| short(*sigma)).collect();
+        let (from, to) = slow.interval;
+        t.row([
+            Cell::text(&slow.sensor),
+            Cell::text(format!("{} {}", each.join(", "), slow.unit)),
+            Cell::Real(slow.correlation_time),
+            Cell::Real(from),
+            Cell::text(if to.is_finite() {
+                short(to)
+            } else {
+                "no limit: the log is too short".to_owned()
+            }),
+            Cell::text(if slow.is_further {
+                "in addition to that which the design declares"
+            } else {
+                ""
+            }),
+        ]);
+    }
+    Section::new("Slow errors in the first half", [t]).note(
+        "Innovations identify only σ²/τ of a slow error: how fast it changes. A larger σ with a longer correlation time explains them almost \
+         as well. So likelihood is no judge between such pairs: take σ from the data sheet, or from a log at rest of many correlation times, \
+         and keep σ²/τ.",
+    )
 }
 
 /// The edits of all rules of advice: those about the frames of recorded data, and those about a run.
@@ -257,6 +310,53 @@ fn noises(found: &[Found]) -> Table {
     t
 }
 
+/// Why noises are not identifiable, and which motion says most about them.
+fn not_identifiable(found: &[Hidden], has_outages: bool) -> Section {
+    let mut t = Table::new([Column::text("noise"), Column::text("why it is not identifiable")]);
+    for own in found {
+        t.row([Cell::text(&own.parameter), Cell::text(why(own))]);
+    }
+    let section = Section::new("Not identifiable", [t]);
+    let is_short = |own: &Hidden| own.unobserved.is_none() && own.parameter.starts_with("process.");
+    if has_outages || !found.iter().any(is_short) {
+        return section;
+    }
+    section
+        .note("The longer a prediction is, the more a noise of the process adds to it: `--outage` counts predictions over a declared time.")
+}
+
+fn why(hidden: &Hidden) -> String {
+    let percent = |share: f64| format!("{} %", short(two_digits(100.0 * share)));
+    if let Some(Unobserved { state, left, motion }) = &hidden.unobserved {
+        let motion = match motion {
+            Some((motion, factor)) => format!(
+                "The motion that says most about it is `{motion}`: without it, σ is {} % larger. More of that motion identifies it.",
+                short(two_digits(100.0 * (factor - 1.0)))
+            ),
+            None => "No motion of this log says anything about it.".to_owned(),
+        };
+        return format!(
+            "It moves `{state}`, which this log does not determine: {} of the initial σ are left. {motion}",
+            percent(*left)
+        );
+    }
+    let Some(Share { sensor, share, motion }) = &hidden.share else {
+        return "It changes no innovation.".to_owned();
+    };
+    let motion = motion.as_ref().map_or_else(String::new, |(motion, share)| {
+        format!(" It adds {} in `{motion}`.", percent(*share))
+    });
+    format!(
+        "Other errors hide it: it adds {} to the variance of the innovations of `{sensor}`.{motion}",
+        percent(*share)
+    )
+}
+
+/// A number with two significant digits.
+fn two_digits(value: f64) -> f64 {
+    format!("{value:.1e}").parse().unwrap_or(value)
+}
+
 fn outages(coasting: &[Coasting]) -> Table {
     let mut t = Table::new([
         Column::text("sensor"),
@@ -288,7 +388,11 @@ fn innovations(independence: &[Independence]) -> Table {
         Column::text(""),
     ]);
     for i in independence {
-        let verdict = if i.is_white { "as independent rows" } else { "not independent" };
+        let verdict = match &i.stage {
+            Some(stage) => format!("made by the stage `{stage}`"),
+            None if i.is_white => "as independent rows".to_owned(),
+            None => "not independent".to_owned(),
+        };
         t.row([
             Cell::text(&i.sensor),
             Cell::from(i.rows),
@@ -302,6 +406,19 @@ fn innovations(independence: &[Independence]) -> Table {
     t
 }
 
+/// Why nothing is tuned on the rows of `dependent` sensors, and what to do.
+fn refusal(tuned: &Tuned, dependent: &str) -> String {
+    let what = if tuned.independence.iter().any(|i| i.stage.is_some()) {
+        "Stages make them: a stage averages or filters rows of an instrument, or selects them by their values. Tune a design in which a \
+         sensor reads the rows of its instrument itself, with the gate in the sensor, or judge these noises by the errors against a \
+         reference."
+    } else {
+        "An error that lasts needs a state, not a noise: `fusion tune --structure` looks for one, `fusion run` says what the innovations \
+         look like, and `fusion check --data DIR` looks for a mistake."
+    };
+    format!("The rows of {dependent} are not independent: not tuned. {what}")
+}
+
 fn verdict(tuned: &Tuned, cover: Option<f64>) -> Section {
     let section = Section::new("Verdict", []);
     let dependent: Vec<String> = tuned
@@ -312,13 +429,7 @@ fn verdict(tuned: &Tuned, cover: Option<f64>) -> Section {
         .collect();
     let runs = format!("{} runs.", tuned.runs);
     if !dependent.is_empty() {
-        return section
-            .note(format!(
-                "The rows of {} are not independent: not tuned. An error that lasts needs a state, not a noise: `fusion run` says what the \
-                 innovations look like, `fusion check --data DIR` looks for a mistake.",
-                dependent.join(", ")
-            ))
-            .note(runs);
+        return section.note(refusal(tuned, &dependent.join(", "))).note(runs);
     }
     let parts: Vec<String> = tuned.unseen.iter().map(|gain| format!("{gain:.1}")).collect();
     let unseen = format!(

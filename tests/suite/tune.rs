@@ -300,8 +300,28 @@ fn an_edit_of_advice_is_proposed_if_the_half_that_it_has_not_seen_gains() {
     assert!(nats > sigma && sigma > 0.0 && unit[4] == "proposed", "{unit}");
     // The columns of σ do not mend the innovations that the wrong unit makes large.
     assert_eq!(of("nis-large")[4], "no gain on unseen rows");
+    // Its fixes have a slow error, of which the second half says that it is not that of the first half.
     let good = stdout(&w.fusion(&arguments).success());
-    assert!(good.contains("Advice has no edit for the first half of this log."), "{good}");
+    assert!(!good.contains("proposed"), "{good}");
+    assert!(good.contains("Innovations identify only σ²/τ of a slow error"), "{good}");
+}
+
+/// The filter of an attitude has the directions of gravity and field from stages.
+#[test]
+fn a_design_whose_rows_come_from_stages_is_refused() {
+    let Some(data) = data() else { return };
+    let w = Workspace::new("tune-stages");
+    let design = format!("{ROOT}/configs/real/broad.toml");
+    let refused = stdout(
+        &w.fusion(&["tune", &design, "--data", &data.display().to_string(), "--fix", "copy.toml"])
+            .code(4),
+    );
+    assert!(
+        refused.contains("made by the stage `vertical`") && refused.contains("made by the stage `compass`"),
+        "{refused}"
+    );
+    assert!(refused.contains("are not independent: not tuned. Stages make them"), "{refused}");
+    assert!(!w.path("copy.toml").exists());
 }
 
 #[test]

@@ -26,19 +26,36 @@ use fusion_models::block::Reading;
 
 /// The densities of the sensors of a design, in their order in the design; `None` for a sensor that does not count.
 pub(crate) fn densities(design: &Design) -> Vec<Option<Density>> {
+    densities_of(design, |sensor| is_real(design, sensor))
+}
+
+/// The densities of the sensors that measure by the rows of a stage; `None` for all others.
+pub(crate) fn densities_of_stages(design: &Design) -> Vec<Option<Density>> {
+    densities_of(design, |sensor| is_measured(sensor) && is_of_stage(design, sensor))
+}
+
+fn densities_of(design: &Design, counts: impl Fn(&Named<SensorDesign>) -> bool) -> Vec<Option<Density>> {
     let of = |sensor: &Named<SensorDesign>| {
         let density = match (&sensor.block.gate, &sensor.block.loss) {
             (None, None) => Density::Normal,
             _ => Density::WithOutliers,
         };
-        is_real(design, sensor).then_some(density)
+        counts(sensor).then_some(density)
     };
     design.sensors.iter().map(of).collect()
 }
 
 /// Whether a sensor has an instrument: its value comes with rows, and not from a stage, which holds them back and
-/// repeats them. The value of a constraint is constant.
+/// repeats them.
 pub(crate) fn is_real(design: &Design, sensor: &Named<SensorDesign>) -> bool {
-    let is_of_stage = design.stages.iter().any(|stage| stage.name == sensor.block.common.source);
-    !is_of_stage && !matches!(sensor.block.model.reading(), Reading::Constant(_))
+    is_measured(sensor) && !is_of_stage(design, sensor)
+}
+
+/// Whether a sensor has a value that is measured. The value of a constraint is constant.
+fn is_measured(sensor: &Named<SensorDesign>) -> bool {
+    !matches!(sensor.block.model.reading(), Reading::Constant(_))
+}
+
+fn is_of_stage(design: &Design, sensor: &Named<SensorDesign>) -> bool {
+    design.stages.iter().any(|stage| stage.name == sensor.block.common.source)
 }

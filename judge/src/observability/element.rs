@@ -117,7 +117,7 @@ impl Element {
 }
 
 /// m ← Φ m, by the elements of Φ − I.
-pub(super) fn apply(changes: &[Change], m: &mut DMatrix<f64>, room: &mut DMatrix<f64>) {
+pub(crate) fn apply(changes: &[Change], m: &mut DMatrix<f64>, room: &mut DMatrix<f64>) {
     room.copy_from(m);
     let n = m.nrows();
     let columns = m.as_mut_slice().chunks_exact_mut(n).zip(room.as_slice().chunks_exact(n));

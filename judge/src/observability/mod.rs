@@ -26,6 +26,7 @@ mod result;
 mod sensors;
 mod stacked;
 
+pub(crate) use element::apply;
 pub use element::{Change, Element};
 pub use result::{Cause, DECISIVE, Direction, MotionKind, Observability, Segment, SensorUse, State, Without};
 pub use stacked::Stacked;

@@ -7,6 +7,7 @@ use super::sensors::Sensor;
 use fusion_core::math;
 use fusion_core::state::{Block, Kind, Layout, StateRole};
 use nalgebra::{DMatrix, DVector};
+use std::fmt;
 
 /// A state of the filter.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,6 +50,10 @@ pub enum Cause {
 /// measured all the time loses up to half at the border of any segment.
 pub const DECISIVE: f64 = 2.0;
 
+/// A smaller effect on a σ is that of rounding: σ is the root of a difference of numbers of size 1 with an error of 1e-15
+/// times the condition of the parts, at most 1e12.
+const EFFECT: f64 = 1e-3;
+
 /// Information 1 leaves half of the initial variance: 1 / (1 + 1).
 const HALF: f64 = 0.5;
 
@@ -70,6 +75,18 @@ pub struct Segment {
     pub to: f64,
     /// The motion in words; empty for a filter without position, velocity and attitude.
     pub motion: String,
+}
+
+impl fmt::Display for Segment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let seconds = |t: f64| fusion_tables::short(math::round(t));
+        let time = format!("{} to {} s", seconds(self.from), seconds(self.to));
+        if self.motion.is_empty() {
+            f.write_str(&time)
+        } else {
+            write!(f, "{}, {time}", self.motion)
+        }
+    }
 }
 
 impl Segment {
@@ -146,17 +163,36 @@ impl Observability {
     /// turn rather than the straights that it joins. `None` if no motion is decisive, or if the state is not identifiable.
     #[must_use]
     pub fn identified_by(&self, state: &State) -> Option<(Cause, f64)> {
+        let most = self.most_effective(state, DECISIVE);
+        most.filter(|_| state.is_identifiable())
+    }
+
+    /// The motion that says most about a state, identifiable or not: that with the largest effect per second, as for
+    /// [`Observability::identified_by`]. `None` if no motion has an effect on its σ.
+    #[must_use]
+    pub fn most_is_said_by(&self, state: &State) -> Option<(Cause, f64)> {
+        self.most_effective(state, 1.0 + EFFECT)
+    }
+
+    fn most_effective(&self, state: &State, least: f64) -> Option<(Cause, f64)> {
         let segments = self.segments.iter().zip(&state.raised).enumerate();
         let segments = segments.map(|(number, (segment, raised))| (Cause::Segment(number), *raised, segment.to - segment.from));
         let kinds = self.kinds.iter().zip(&state.raised_by_kind).enumerate();
         let kinds = kinds.map(|(number, (kind, raised))| (Cause::Kind(number), *raised, kind.seconds));
         // Of equals the last one: a segment that is alone of its kind.
-        let decisive = kinds
-            .chain(segments)
-            .filter(|(_, raised, _)| *raised >= DECISIVE && state.is_identifiable());
+        let all = kinds.chain(segments).filter(|(_, raised, _)| *raised >= least);
         let effect = |(_, raised, seconds): &(Cause, f64, f64)| math::ln(*raised) / seconds;
-        let most = decisive.max_by(|a, b| effect(a).total_cmp(&effect(b)))?;
+        let most = all.max_by(|a, b| effect(a).total_cmp(&effect(b)))?;
         Some((most.0, most.1))
+    }
+
+    /// The name of a cause: the motion of a segment with its time, or the kind of motion.
+    #[must_use]
+    pub fn name_of(&self, cause: Cause) -> String {
+        match cause {
+            Cause::Segment(number) => self.segments.get(number).map_or_else(String::new, Segment::to_string),
+            Cause::Kind(number) => self.kinds.get(number).map_or_else(String::new, |kind| kind.name.to_owned()),
+        }
     }
 
     /// The states of a block.

@@ -6,8 +6,9 @@
 //!        └── a step of Fisher scoring, one run, Broyden's update ◀┘
 //! ```
 //!
-//! Which rows count, and with which density, is as for the [likelihood](crate::likelihood) of a result. Rows of two runs
-//! are matched by their number.
+//! Which rows count, and with which density, is as for the [likelihood](crate::likelihood) of a result, with two
+//! exceptions: the time from which they count is that of the declared noises, at each θ, and a filter that never aligns has
+//! no rows that count. Rows of two runs are matched by their number.
 //!
 //! The likelihood assumes that innovations are independent. So the rows of a sensor are thinned until their neighbours
 //! are white. If they are then too few, nothing is tuned. The result is judged on parts of the log that it was not found
@@ -20,25 +21,31 @@
 //! Not here   errors against a reference: the runs of the result show them
 
 mod climb;
+mod hidden;
 mod keep;
 mod outage;
 mod parameter;
 mod record;
 mod sensitivity;
+mod slow;
 mod structure;
+#[cfg(test)]
+mod tests;
 mod trials;
 mod white;
 
 use fusion_core::math;
+pub use hidden::{Hidden, Share, Unobserved, hidden};
 pub use outage::{Coasting, Outage};
 pub use parameter::Parameter;
+pub use slow::SlowError;
 pub use structure::{Advise, Proposal, structure};
 pub use white::Independence;
 
 use self::climb::{Point, Start, climb};
 use self::keep::{DOUBT, keep};
 use self::trials::{Part, Score, Trials};
-use crate::likelihood::densities;
+use crate::likelihood::{densities, densities_of_stages};
 use fusion::config::{Diagnostic, Diagnostics, Document, Edit};
 use fusion::design::Design;
 use fusion::run::Options;
@@ -161,6 +168,22 @@ pub struct Tuned {
 }
 
 impl Tuned {
+    /// Nothing is tuned, because no rows are independent.
+    fn refused(independence: Vec<Independence>, runs: u64) -> Self {
+        Self {
+            found: Vec::new(),
+            log_likelihood: 0.0,
+            nats: 0.0,
+            unseen: Vec::new(),
+            coasting: Vec::new(),
+            losing: Vec::new(),
+            is_worse_after_outages: false,
+            runs,
+            has_converged: true,
+            independence,
+        }
+    }
+
     /// Whether the innovations of all sensors are independent, so far as their number can tell.
     #[must_use]
     pub fn is_sound(&self) -> bool {
@@ -213,12 +236,17 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         parameters,
         densities: densities(&design),
         thinning: vec![Vec::new(); logs.len()],
+        from: Vec::new(),
         replays: Vec::new(),
         settings,
         runs: &runs,
     };
+    if trials.densities.iter().all(Option::is_none) {
+        trials.densities = densities_of_stages(&design);
+        return Ok(Tuned::refused(white::of_stages(&design, &trials)?, runs.into_inner()));
+    }
+    let declared = trials.fix_rows()?;
     if let Some(outage) = &settings.outage {
-        let declared = trials.at(&vec![0.0; trials.parameters.len()])?;
         trials.replays = outage::replays(&design, &trials, &declared, outage)?;
     }
     let End {
@@ -254,13 +282,7 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         is_refuted: refuted.contains(&j),
     });
     let found: Vec<Found> = found.collect();
-    if trials.is_thinned() {
-        trials.thinning = vec![Vec::new(); logs.len()];
-        let whole = trials.at(&point.theta)?;
-        for (own, whole) in independence.iter_mut().zip(white::judge(&design, &trials, &whole)) {
-            own.overweighted = whole.overweighted;
-        }
-    }
+    overweigh_all(&mut trials, &design, &point, &mut independence)?;
     Ok(Tuned {
         found,
         log_likelihood,
@@ -273,6 +295,18 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         has_converged: point.has_converged,
         independence,
     })
+}
+
+/// Judges by all rows how much the noises overweight them, if the search used a part of them.
+fn overweigh_all(trials: &mut Trials<'_>, design: &Design, point: &Point, independence: &mut [Independence]) -> Result<(), Diagnostics> {
+    if trials.is_thinned() {
+        trials.thinning = vec![Vec::new(); trials.logs.len()];
+        let whole = trials.at(&point.theta)?;
+        for (own, whole) in independence.iter_mut().zip(white::judge(design, trials, &whole)) {
+            own.overweighted = whole.overweighted;
+        }
+    }
+    Ok(())
 }
 
 /// By how much the logarithm of each parameter grows, so that the found noise of a sensor holds in a declared share of parts.

@@ -175,7 +175,7 @@ fn number(text: &str) -> usize {
 }
 
 /// A number as TOML writes it: never a whole number, which has another type.
-fn written(value: f64, digits: Option<usize>) -> String {
+pub(super) fn written(value: f64, digits: Option<usize>) -> String {
     match digits {
         None => format!("{value:e}"),
         Some(digits) => {

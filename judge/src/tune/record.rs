@@ -27,6 +27,11 @@ impl Rows {
         self.numbers.len()
     }
 
+    /// How many rows of the sensor reached the filter, those that do not count too.
+    pub(super) fn heard(&self) -> u32 {
+        self.heard
+    }
+
     /// The place of the measurement with a number.
     pub(super) fn at(&self, number: u32) -> Option<usize> {
         self.numbers.binary_search(&number).ok()

@@ -39,6 +39,16 @@ struct Row {
     slope: Vec<f64>,
 }
 
+/// The information of a row about a parameter.
+pub(super) struct Said {
+    pub(super) sensor: usize,
+    pub(super) time: f64,
+    /// The share of the variance of the innovation that the noise adds.
+    pub(super) share: f64,
+    /// The information about the logarithm of the parameter.
+    pub(super) information: f64,
+}
+
 /// Slope and information of the likelihood, row by row.
 pub(super) struct Sensitivity {
     /// The parameters that are free, by their places.
@@ -176,6 +186,23 @@ impl Sensitivity {
     /// Slope and information without the rows of a part.
     pub(super) fn without(&self, part: &Part) -> (DVector<f64>, DMatrix<f64>) {
         self.sum(&|log, time| !part.holds(log, time))
+    }
+
+    /// For the `k`-th parameter that is free, each row with what it says of the parameter.
+    pub(super) fn said(&self, k: usize) -> impl Iterator<Item = Said> {
+        self.rows.iter().map(move |row| {
+            let change = &row.changes[k];
+            let m = rank(change.len());
+            let (b, a) = change.split_at(m);
+            let trace: f64 = (0..m).map(|i| a[i * m + i]).sum();
+            Said {
+                sensor: row.sensor,
+                time: row.time,
+                // A variance grows as the square of its noise.
+                share: 0.5 * trace / m as f64,
+                information: self.efficiency[row.sensor] * (dot(b, b) + 0.5 * dot(a, a)),
+            }
+        })
     }
 
     /// The covariance of the estimate with the prior of weights `prior`: H⁻¹ (J + W) H⁻¹, H = I + W. J is the variance

@@ -1,12 +1,14 @@
 //! Edits of advice, judged by the likelihood of innovations that they were not found on.
 //!
 //! ```text
-//! first half ──▶ edits that somebody advises ──▶ run with each ──▶ nats gained in the second half, with their error
+//! first half ──▶ edits that somebody advises ──┬──▶ run with each ──▶ nats gained in the second half, with their error
+//!            └─▶ slow errors of sensors ───────┘
 //! ```
 //!
 //! Advice sees statistics of a run, and proposes a change of the design: an axis, a latency, a noise. It cannot know
 //! whether the change helps. The likelihood of the second half can: advice did not see these rows.
 
+use super::slow::{SlowError, slow_errors};
 use crate::likelihood::{Difference, Terms, differences};
 use fusion::config::{Diagnostics, Document, Edit};
 use fusion::design::Design;
@@ -24,6 +26,8 @@ pub struct Proposal {
     /// The gain on rows that the rule has not seen; `None` if the two runs share no such rows, or if the edits lead to a
     /// mistake.
     pub gain: Option<Difference>,
+    /// The slow error to which the edits give a state.
+    pub slow: Option<SlowError>,
 }
 
 impl Proposal {
@@ -34,6 +38,7 @@ impl Proposal {
             rule: rule.into(),
             edits,
             gain: None,
+            slow: None,
         }
     }
 
@@ -45,10 +50,14 @@ impl Proposal {
     }
 }
 
+/// The rule of advice that reports innovations which are like the one before.
+const LASTING: &str = "innovations-last";
+
 /// Advises on a design.
 pub type Advise<'a> = dyn Fn(&Design) -> Result<Vec<Proposal>, Diagnostics> + 'a;
 
-/// Judges the edits that `advise` proposes for the first half of a log: the second half judges. An edit may say how rows are
+/// Judges the edits that `advise` proposes for the first half of a log, and states for the [slow errors](SlowError) that its
+/// innovations show: the second half judges. An edit may say how rows are
 /// decoded, so `options` have no rows that another run has decoded.
 ///
 /// # Errors
@@ -66,7 +75,13 @@ pub fn structure(document: &Document, options: &Options, advise: &Advise<'_>) ->
         });
         proposal
     };
-    Ok(advise(&Design::read(half)?)?.into_par_iter().map(judged).collect())
+    let slow = slow_errors(&half, options)?;
+    let mut proposals = advise(&Design::read(half)?)?;
+    proposals.extend(slow.into_iter().map(|(slow, edits)| Proposal {
+        slow: Some(slow),
+        ..Proposal::new(LASTING, edits)
+    }));
+    Ok(proposals.into_par_iter().map(judged).collect())
 }
 
 /// The likelihood of a design with edits.

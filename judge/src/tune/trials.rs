@@ -86,6 +86,8 @@ pub(super) struct Trials<'a> {
     pub(super) densities: Vec<Option<Density>>,
     /// For each log: the streams of which one row in so many is used.
     pub(super) thinning: Vec<Vec<white::Thinned>>,
+    /// From when rows of each log count \[s\], if known. It is the same at each θ: a likelihood of fewer rows does not compare.
+    pub(super) from: Vec<f64>,
     /// Further runs of the logs, with outages.
     pub(super) replays: Vec<Replay>,
     pub(super) settings: &'a Settings,
@@ -116,6 +118,13 @@ impl Trials<'_> {
     pub(super) fn is_at_its_end(&self) -> bool {
         let is_stopped = self.settings.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed));
         is_stopped || self.runs.load(Ordering::Relaxed) >= self.settings.most_runs
+    }
+
+    /// Fixes the rows that count as those after the alignment with the declared noises. Returns the innovations there.
+    pub(super) fn fix_rows(&mut self) -> Result<Score, Diagnostics> {
+        let declared = self.at(&vec![0.0; self.parameters.len()])?;
+        self.from = declared.logs().iter().map(|(_, from)| *from).collect();
+        Ok(declared)
     }
 
     /// The innovations of all logs at `theta`.
@@ -149,8 +158,13 @@ impl Trials<'_> {
         let mut recorder = Recorder::new(&design, &self.densities, replay.map(|replay| replay.duration));
         let summary = run_sharing(&design, &own.options, &SharedCourse::default(), &mut [&mut recorder])?;
         self.runs.fetch_add(1, Ordering::Relaxed);
+        if let Some(from) = self.from.get(self.log_of(run)) {
+            return Ok((recorder.sensors, *from));
+        }
         let health = summary.health().iter().find(|h| h.filter.is_empty());
-        let aligned = health.and_then(|h| h.aligned).or(summary.start().started).unwrap_or(f64::INFINITY);
+        let aligned = health
+            .map_or(summary.start().started, |health| health.aligned)
+            .unwrap_or(f64::INFINITY);
         Ok((recorder.sensors, aligned + self.settings.settle))
     }
 

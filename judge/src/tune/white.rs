@@ -11,7 +11,7 @@ use fusion_core::math;
 /// Autocorrelations up to this lag are tested together.
 const LAGS: usize = 5;
 /// With fewer rows than five for each tested lag, the test says nothing (Hyndman, Athanasopoulos 2021, §5.4).
-const FEWEST: usize = 5 * LAGS;
+pub(super) const FEWEST: usize = 5 * LAGS;
 /// A gated sensor is judged by the innovations that a good row has with this probability.
 const GOOD: f64 = 0.99;
 
@@ -42,6 +42,9 @@ pub struct Independence {
     pub varies: f64,
     /// Whether nothing refutes that the rows are used as what they are.
     pub is_white: bool,
+    /// The stage that makes its rows, if no sensor of the design reads an instrument itself. Rows of a stage are never
+    /// independent: it averages or filters its input, or selects rows by their values.
+    pub stage: Option<String>,
 }
 
 /// The share of the rows of a stream that is used.
@@ -119,9 +122,60 @@ pub(super) fn judge(design: &Design, trials: &Trials<'_>, score: &Score) -> Vec<
             overweighted,
             varies,
             is_white: (whiteness > limit || overweighted <= 1.0) && distribution > limit,
+            stage: None,
         })
     };
     (0..trials.densities.len()).filter_map(of).collect()
+}
+
+/// The innovations of the sensors that stages feed, with the declared noises: none of them is independent.
+pub(super) fn of_stages(design: &Design, trials: &Trials<'_>) -> Result<Vec<Independence>, Diagnostics> {
+    let score = trials.at(&vec![0.0; trials.parameters.len()])?;
+    let stage = |sensor: &str| {
+        design
+            .sensors
+            .iter()
+            .find(|s| s.name == sensor)
+            .map(|s| s.block.common.source.clone())
+    };
+    let refused = |own: Independence| Independence {
+        is_white: false,
+        stage: stage(&own.sensor),
+        ..own
+    };
+    let found: Vec<Independence> = judge(design, trials, &score).into_iter().map(refused).collect();
+    if found.is_empty() {
+        Err(none_counts(design, trials, &score).into())
+    } else {
+        Ok(found)
+    }
+}
+
+/// The error for a log without innovations, with the rows of each sensor that could have some.
+fn none_counts(design: &Design, trials: &Trials<'_>, score: &Score) -> Diagnostic {
+    let error = Diagnostic::error("no innovation counts");
+    let heard = |sensor: usize| -> u32 {
+        let each = score.logs().iter().filter_map(|(all, _)| all[sensor].as_ref());
+        each.map(Rows::heard).sum()
+    };
+    let sensors = design.sensors.iter().enumerate().filter(|(k, _)| trials.densities[*k].is_some());
+    let sensors: Vec<(&str, u32)> = sensors.map(|(k, sensor)| (&*sensor.name, heard(k))).collect();
+    let names = |text: fn(&(&str, u32)) -> String| sensors.iter().map(text).collect::<Vec<_>>().join(", ");
+    error.help(if sensors.is_empty() {
+        "no sensor of the design measures: a constraint agrees with itself".to_owned()
+    } else if sensors.iter().all(|(_, rows)| *rows == 0) {
+        let names = names(|(name, _)| format!("`{name}`"));
+        format!("no row of {names} reached the filter: `fusion run` shows what it waits for")
+    } else {
+        let rows = names(|(name, rows)| format!("{rows} rows of `{name}`"));
+        let is_aligned = score.logs().iter().any(|(_, from)| from.is_finite());
+        let why = if is_aligned {
+            "are before the alignment, of a vehicle at rest, or without a covariance"
+        } else {
+            "came while the filter was not aligned: `fusion run` shows why it never was"
+        };
+        format!("{rows} {why}")
+    })
 }
 
 /// The whitened innovations that count.
@@ -224,8 +278,7 @@ fn kolmogorov(squares: impl Iterator<Item = f64>, m: usize, limit: f64) -> f64 {
 /// too few rows would be left.
 pub(super) fn thin(trials: &mut Trials<'_>, design: &Design, found: &[Independence], score: &Score) -> Result<bool, Diagnostics> {
     if found.is_empty() {
-        let help = "the filter has to start, and to use a sensor that reads the rows of an instrument, not those of a stage";
-        return Err(Diagnostic::error("no innovation counts").help(help).into());
+        return Err(none_counts(design, trials, score).into());
     }
     let is_dependent = |own: &&Independence| own.whiteness <= trials.settings.false_refusal && own.overweighted > 1.0;
     let dependent: Vec<&Independence> = found.iter().filter(is_dependent).filter(|own| own.rows >= 2 * FEWEST).collect();
