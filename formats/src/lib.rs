@@ -10,9 +10,18 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod absent;
+#[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]
+mod damage;
 pub mod messages;
 #[allow(dead_code, reason = "a program may be built without any format")]
 mod signature;
+#[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]
+mod stream;
+#[cfg(test)]
+#[allow(dead_code, reason = "a program may be built without any format")]
+mod testing;
+#[cfg(feature = "ulog")]
+mod ulog;
 
 /// The formats whose feature is off.
 mod without {

@@ -16,6 +16,8 @@ mod tests;
 pub use cells::Cells;
 pub use pass::MOST_WAITING;
 pub use rows::{Read, open};
+#[allow(unused_imports, reason = "a program may be built without any format")]
+pub(crate) use spec::message_format;
 pub use tables::tables;
 
 use fusion::rows::SourceError;
@@ -45,6 +47,17 @@ pub trait MessageReader: Sized + Send + 'static {
 
     /// The columns of a topic, as its first message defined them. The first one has the usual stamps.
     fn columns(&self, topic: usize) -> &[String];
+
+    /// The name of a column with its unit in brackets, if the type of the messages defines the unit and the name does not
+    /// say it: `lat [1e-7 deg]`.
+    fn label(&self, _topic: usize, _column: usize) -> Option<String> {
+        None
+    }
+
+    /// What the log says about itself, such as the drop-outs of the logger. It is complete after the last message.
+    fn remarks(&self) -> Vec<String> {
+        Vec::new()
+    }
 
     /// Adds the cells of the current message, one for each column of its topic. Cells that are missing at the end are
     /// empty.

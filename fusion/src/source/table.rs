@@ -58,6 +58,8 @@ pub struct LogTable {
     pub malformed: usize,
     /// The damage at which the file ends.
     pub broken: Option<String>,
+    /// What the file says about itself, such as drop-outs of the logger.
+    pub remarks: Vec<String>,
 }
 
 /// A stream of a file with several streams. A source of such a format has the key `topic`.
@@ -77,7 +79,7 @@ pub struct LogColumn {
     /// Its first cell as written.
     pub first: String,
     /// A label that replaces the name: for a name with an index (`imu_acc_y` for `imu.acc(:,2)`), for a line of units
-    /// below the names, or for a number that replaces a repeated name.
+    /// below the names, for a number that replaces a repeated name, or with the unit of a message: `lat [1e-7 deg]`.
     pub label: Option<String>,
     /// The calendar, if it holds dates with the time of day.
     pub calendar: Option<Calendar>,
