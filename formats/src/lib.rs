@@ -12,7 +12,11 @@
 mod absent;
 #[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]
 mod damage;
+#[cfg(feature = "dataflash")]
+mod dataflash;
 pub mod messages;
+#[cfg(feature = "nmea")]
+mod nmea;
 #[allow(dead_code, reason = "a program may be built without any format")]
 mod signature;
 #[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]
@@ -20,6 +24,8 @@ mod stream;
 #[cfg(test)]
 #[allow(dead_code, reason = "a program may be built without any format")]
 mod testing;
+#[cfg(feature = "ubx")]
+mod ubx;
 #[cfg(feature = "ulog")]
 mod ulog;
 

@@ -67,11 +67,11 @@ pub(crate) fn read<R: MessageReader>(name: &str, bytes: &[u8]) -> Result<All, So
 pub(crate) fn read_file<R: MessageReader>(path: &Path) -> Result<All, SourceError> {
     let context = OpenContext::default();
     let mut reader = R::open(&DataFile::new(path, &context), &context)?;
-    let (mut all, mut cells) = (All::default(), Cells::default());
+    let mut all = All::default();
     loop {
         match reader.advance() {
             Ok(Some(topic)) => {
-                cells = Cells::default();
+                let mut cells = Cells::default();
                 let columns = reader.columns(topic).to_vec();
                 let decoded = reader.decode(&mut cells).map(|()| {
                     assert!(cells.len() <= columns.len(), "more cells than columns");
