@@ -24,7 +24,7 @@ use crate::signature::DATAFLASH;
 use crate::stream::Stream;
 use format::Format;
 use fusion::rows::{DataError, SourceError};
-use fusion::source::table::Topic;
+use fusion::source::table::{Role, Topic};
 use fusion::source::{DataFile, OpenContext};
 use memchr::memmem;
 use std::collections::HashMap;
@@ -180,6 +180,21 @@ impl Dataflash {
     }
 }
 
+/// What the messages of a name are.
+fn role(name: &str) -> Role {
+    const MEASUREMENTS: [&str; 14] = [
+        "IMU", "IMU2", "IMU3", "GPS", "GPS2", "MAG", "MAG2", "MAG3", "BARO", "BAR2", "BAR3", "ARSP", "RFND", "WENC",
+    ];
+    // The filters have the number of their core at the end.
+    let estimate = name.trim_end_matches(|last: char| last.is_ascii_digit());
+    match name {
+        _ if MEASUREMENTS.contains(&name) => Role::Measurement,
+        "SIM" => Role::Truth,
+        _ if ["ATT", "AHR", "POS", "NKF", "XKF"].contains(&estimate) => Role::Estimate,
+        _ => Role::Other,
+    }
+}
+
 impl MessageReader for Dataflash {
     fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
         Self::of(Stream::open(file, context)?).map_err(|why| DataError::new(file.name(), why).into())
@@ -235,6 +250,10 @@ impl MessageReader for Dataflash {
         let field = *format.fields_of_columns().get(column)?;
         let unit = self.units.of(*kind, field, format.has_divisor(field))?;
         Some(format!("{} [{unit}]", columns[column]))
+    }
+
+    fn role(&self, topic: usize) -> Role {
+        role(&self.topics[topic].message_type)
     }
 
     fn decode(&mut self, cells: &mut Cells) -> Result<(), String> {

@@ -21,7 +21,7 @@ pub(crate) use spec::message_format;
 pub use tables::tables;
 
 use fusion::rows::SourceError;
-use fusion::source::table::Topic;
+use fusion::source::table::{Role, Topic};
 use fusion::source::{DataFile, OpenContext};
 
 /// An array with more elements than this has no columns: it is an image or a scan. A covariance of 6 axes has 36.
@@ -48,10 +48,15 @@ pub trait MessageReader: Sized + Send + 'static {
     /// The columns of a topic, as its first message defined them. The first one has the usual stamps.
     fn columns(&self, topic: usize) -> &[String];
 
-    /// The name of a column with its unit in brackets, if the type of the messages defines the unit and the name does not
-    /// say it: `lat [1e-7 deg]`.
+    /// What a column means, if the type of the messages defines more than its name says: another name, with the unit in
+    /// brackets, as in `lat [1e-7 deg]`. `inspect` reads it in place of the name.
     fn label(&self, _topic: usize, _column: usize) -> Option<String> {
         None
+    }
+
+    /// What the messages of a topic are, if their type shows it.
+    fn role(&self, _topic: usize) -> Role {
+        Role::Unknown
     }
 
     /// What the log says about itself, such as the drop-outs of the logger. It is complete after the last message.

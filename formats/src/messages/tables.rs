@@ -63,6 +63,7 @@ pub fn tables<R: MessageReader>(path: &Path, format: &'static LogFormat) -> Resu
             order.push(topic);
             let about = reader.topics()[topic].clone();
             let mut table = LogTable::of_topic(path, format, about, columns);
+            table.role = reader.role(topic);
             for (column, of) in table.columns.iter_mut().enumerate() {
                 of.label = reader.label(topic, column);
             }

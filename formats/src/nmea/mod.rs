@@ -23,7 +23,7 @@ use clock::Clock;
 use fields::Columns;
 use fusion::rows::{DataError, SourceError};
 use fusion::source::decode::Origin;
-use fusion::source::table::Topic;
+use fusion::source::table::{Role, Topic};
 use fusion::source::{DataFile, OpenContext};
 use memchr::memchr;
 use sentence::Sentence;
@@ -183,6 +183,10 @@ impl MessageReader for Nmea {
 
     fn label(&self, topic: usize, column: usize) -> Option<String> {
         self.columns[topic].label(column)
+    }
+
+    fn role(&self, _topic: usize) -> Role {
+        Role::Measurement
     }
 
     fn remarks(&self) -> Vec<String> {

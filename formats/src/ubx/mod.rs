@@ -31,7 +31,7 @@ use clock::Clock;
 use frame::{CHECKSUM, Frame, HEADER};
 use fusion::rows::{DataError, SourceError};
 use fusion::source::decode::Origin;
-use fusion::source::table::Topic;
+use fusion::source::table::{Role, Topic};
 use fusion::source::{DataFile, OpenContext};
 use layout::Layout;
 
@@ -338,6 +338,15 @@ impl MessageReader for Ubx {
             Kind::Fields(layout) => self.layouts[*layout].1.label(column),
             Kind::Sensors(id, _) => sensors::label(*id, column),
             Kind::Sentence(columns) => columns.label(column),
+        }
+    }
+
+    fn role(&self, topic: usize) -> Role {
+        match self.topics[topic].name.as_str() {
+            // The receiver's own filter of its sensors.
+            "NAV-ATT" | "ESF-ALG" => Role::Estimate,
+            name if name.starts_with("HNR-") => Role::Estimate,
+            _ => Role::Measurement,
         }
     }
 

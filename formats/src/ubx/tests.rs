@@ -168,6 +168,17 @@ fn matches_pyubx2_on_a_real_log() {
 }
 
 #[test]
+fn matches_pyubx2_on_sentences_of_a_real_log() {
+    let Some(path) = real("receiver_com3.ubx") else { return };
+    let all = read_file::<Ubx>(&path).unwrap();
+    assert_eq!((all.broken, all.messages.iter().filter(|(_, cells)| cells.is_err()).count()), (None, 0));
+    for (address, count) in [("GNRMC", 90), ("GNVTG", 83), ("GNGGA", 81), ("GNGSA", 247), ("GPGSV", 51), ("GNGLL", 32), ("GNTXT", 102)] {
+        let of = all.messages.iter().filter(|(name, _)| name == address).count();
+        assert_eq!(of, count, "{address}");
+    }
+}
+
+#[test]
 fn damaged_logs_are_read_without_a_panic() {
     let raw = [vec![0; 4], tagged(14, -4096, 7), tagged(14, 2048, 9)].concat();
     let log = [week(1000), sentence("GNTHS,77.5,A").into_bytes(), position(2000), message([0x10, 3], &raw)];

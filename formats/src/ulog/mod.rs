@@ -12,17 +12,17 @@
 //! Not here  parameters, texts of the log
 //! Source    <https://docs.px4.io/main/en/dev_log/ulog_file_format>
 
+mod kinds;
 mod layout;
 #[cfg(test)]
 mod tests;
-mod units;
 
 use crate::damage::Damage;
 use crate::messages::{Broken, Cells, MessageReader, message_format};
 use crate::signature::ULOG;
 use crate::stream::Stream;
 use fusion::rows::{DataError, SourceError};
-use fusion::source::table::Topic;
+use fusion::source::table::{Role, Topic};
 use fusion::source::{DataFile, OpenContext};
 use layout::{Formats, Layout};
 use memchr::memmem;
@@ -287,8 +287,11 @@ impl MessageReader for Ulog {
 
     fn label(&self, topic: usize, column: usize) -> Option<String> {
         let name = &self.layouts[topic].names[column];
-        let unit = units::of(&self.topics[topic].message_type, name)?;
-        Some(format!("{name} [{unit}]"))
+        kinds::meaning(&self.topics[topic].message_type, name).map(str::to_owned)
+    }
+
+    fn role(&self, topic: usize) -> Role {
+        kinds::role(&self.topics[topic].message_type)
     }
 
     fn remarks(&self) -> Vec<String> {

@@ -128,6 +128,25 @@ fn damaged_logs_are_read_without_a_panic() {
 }
 
 #[test]
+fn the_names_of_messages_tell_what_they_are() {
+    let roles = [
+        ("sensor_combined", Role::Measurement),
+        ("vehicle_imu", Role::Measurement),
+        ("sensor_selection", Role::Other),
+        ("vehicle_attitude_groundtruth", Role::Truth),
+        ("estimator_attitude", Role::Estimate),
+        ("estimator_innovations", Role::Other),
+        ("vehicle_attitude_setpoint", Role::Other),
+    ];
+    for (name, role) in roles {
+        assert_eq!(kinds::role(name), role, "{name}");
+    }
+    assert_eq!(kinds::meaning("sensor_gps", "alt"), Some("alt [mm]"));
+    assert_eq!(kinds::meaning("vehicle_local_position", "z"), Some("down [m]"));
+    assert_eq!(kinds::meaning("vehicle_attitude", "q[0]"), None);
+}
+
+#[test]
 fn matches_pyulog_on_real_logs() {
     // The finite numbers of a topic in ULog(FILE).data_list, and the sum of math.asinh(x), which small and large numbers
     // change alike.

@@ -29,6 +29,8 @@ pub struct LogTable {
     pub path: PathBuf,
     /// The stream, if the file has several streams of unlike types.
     pub topic: Option<Topic>,
+    /// What its rows are, as far as its format knows it.
+    pub role: Role,
     /// How it is written; text by default.
     pub format: &'static LogFormat,
     /// The delimiter of its fields.
@@ -69,6 +71,22 @@ pub struct Topic {
     pub name: String,
     /// The type of its messages, as the file names it: `sensor_msgs/msg/Imu`.
     pub message_type: String,
+}
+
+/// What rows are, by the type of their messages.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Role {
+    /// Names and values have to show it.
+    #[default]
+    Unknown,
+    /// Measurements of an instrument.
+    Measurement,
+    /// The estimate of another filter.
+    Estimate,
+    /// The truth of a simulation.
+    Truth,
+    /// Something else: a setpoint, a state of the system, a statistic.
+    Other,
 }
 
 /// A column.
