@@ -13,9 +13,24 @@
 mod absent;
 #[cfg(any(feature = "parquet", feature = "arrow"))]
 mod columns;
+#[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]
+mod damage;
+#[cfg(feature = "dataflash")]
+mod dataflash;
 pub mod messages;
+#[cfg(feature = "nmea")]
+mod nmea;
 #[allow(dead_code, reason = "a program may be built without any format")]
 mod signature;
+#[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]
+mod stream;
+#[cfg(test)]
+#[allow(dead_code, reason = "a program may be built without any format")]
+mod testing;
+#[cfg(feature = "ubx")]
+mod ubx;
+#[cfg(feature = "ulog")]
+mod ulog;
 mod written;
 
 /// An array with more elements than this has no columns: it is an image or a scan. A covariance of 6 axes has 36.

@@ -66,6 +66,7 @@ pub(super) fn settle(log: &mut Log, track: &Track) -> bool {
         ),
     };
     log.signals.push(Signal {
+        of_height: "m",
         kind,
         columns: columns.to_vec(),
         unit: "m/s".to_owned(),

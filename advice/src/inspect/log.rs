@@ -8,7 +8,7 @@ use super::numbers::{Vec3, median};
 use super::signal::{Kind, Signal};
 use super::track::{Odometer, Track};
 use super::words::Words;
-use fusion::source::table::LogTable;
+use fusion::source::table::{LogTable, Role};
 use fusion_core::math;
 
 /// A file with the quantities found in it.
@@ -105,7 +105,10 @@ impl Log {
             clock = Clock::of(&table);
         }
         let rate = clock.as_ref().map_or(f64::NAN, |c| c.rate);
-        let signals = signals(&table, rate);
+        let signals = match table.role {
+            Role::Other => Vec::new(),
+            _ => signals(&table, rate),
+        };
         let mut log = Self {
             instances,
             others: Unit::beside(&mut table, &signals, rate),
@@ -151,6 +154,16 @@ impl Log {
         ))
     }
 
+    /// Notes about the file itself: its damage, and what it says about itself.
+    pub(super) fn of_file(&self) -> Vec<String> {
+        let file = self.table.path.file_name().unwrap_or_default().to_string_lossy();
+        let broken = self.table.broken.iter().map(|broken| format!("is damaged: {broken}"));
+        broken
+            .chain(self.table.remarks.iter().cloned())
+            .map(|note| format!("`{file}`: {note}"))
+            .collect()
+    }
+
     /// A note about several recordings in the file.
     pub(super) fn recordings(&self) -> Option<String> {
         let Form::Recordings { second, each } = self.clock.as_ref()?.form else {
@@ -165,9 +178,14 @@ impl Log {
         ))
     }
 
-    /// Whether its name says that another filter wrote it, such as `NKF1` or `ATT` of an autopilot.
+    /// Whether another filter wrote it, or a simulation: by the type of its messages, or else by its name, such as `NKF1`
+    /// or `ATT` of an autopilot.
     #[must_use]
     pub fn is_estimate(&self) -> bool {
+        match self.table.role {
+            Role::Unknown => {}
+            role => return matches!(role, Role::Estimate | Role::Truth),
+        }
         const WHOLE: [&str; 3] = ["pos", "att", "ahr"];
         const WORDS: [&str; 6] = ["nkf", "xkf", "ekf", "kf", "estimate", "estimated"];
         let name = self.name().to_lowercase();
@@ -187,7 +205,8 @@ impl Log {
         let has_positions = self.has(Kind::Geodetic) || self.has(Kind::Local);
         let is_named = FILES.iter().any(|word| name.contains(word));
         let reports = || self.table.columns.iter().any(|c| Words::of(c.called()).ends_with(&COLUMNS));
-        has_positions && !self.is_estimate() && (is_named || reports())
+        let is_measured = self.table.role == Role::Measurement;
+        has_positions && !self.is_estimate() && (is_measured || is_named || reports())
     }
 
     /// The signal of a kind.

@@ -54,7 +54,7 @@ pub use yaw::Yaw;
 
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::source::LogFormat;
-use fusion::source::table::LogTable;
+use fusion::source::table::{LogTable, Role};
 use signal::Kind::{AngularRate, Euler, Geodetic, Heading, Local, MagneticField, Quaternion, SpecificForce, Velocity};
 use std::path::{Path, PathBuf};
 
@@ -265,7 +265,10 @@ impl Inspection {
     fn with(&self, kind: Kind) -> Option<usize> {
         let is_reference = |k: usize| self.reference.as_ref().is_some_and(|(r, _)| *r == k);
         let mut all = (0..self.logs.len()).filter(|k| !is_reference(*k) && self.logs[*k].clock.is_some() && self.logs[*k].has(kind));
-        let first = all.clone().next();
+        // By the type of its messages, the estimate of another filter is no measurement; its attitude may stand for one.
+        let is_attitude = matches!(kind, Euler | Quaternion | Heading);
+        let may_stand = |role: Role| role == Role::Unknown || (role == Role::Estimate && is_attitude);
+        let first = all.clone().find(|k| may_stand(self.logs[*k].table.role));
         all.find(|k| !self.logs[*k].is_estimate()).or(first)
     }
 
@@ -387,9 +390,10 @@ fn leap_seconds(lag: f64, stamps: [f64; 2]) -> Option<f64> {
 }
 
 /// The logs of inertial units, the unit with the smallest rates first. Two units on one vehicle turn alike, and the
-/// better unit has the smaller biases.
+/// better unit has the smaller biases. A unit that is recorded too slowly comes last.
 fn units(logs: &[Log]) -> Vec<usize> {
     let is_unit = |k: &usize| logs[*k].clock.is_some() && logs[*k].has(SpecificForce) && logs[*k].has(AngularRate);
+    let is_slow = |k: usize| logs[k].rate() < design::INTEGRABLE;
     let mut all: Vec<(usize, f64)> = (0..logs.len())
         .filter(is_unit)
         .map(|k| {
@@ -397,7 +401,7 @@ fn units(logs: &[Log]) -> Vec<usize> {
             (k, numbers::median(rates.into_iter().map(numbers::norm)))
         })
         .collect();
-    all.sort_by(|a, b| a.1.total_cmp(&b.1));
+    all.sort_by(|a, b| is_slow(a.0).cmp(&is_slow(b.0)).then(a.1.total_cmp(&b.1)));
     all.into_iter().map(|(k, _)| k).collect()
 }
 
@@ -414,7 +418,7 @@ type Found = Option<(usize, Track)>;
 fn tracks(logs: &[Log], apart: Option<usize>) -> (Found, Found) {
     // If a receiver wrote positions, those of another filter are neither measurements nor a truth.
     let is_received = logs.iter().any(|log| log.clock.is_some() && log.is_of_receiver());
-    let is_left = |log: &Log| is_received && log.is_estimate();
+    let is_left = |log: &Log| is_received && log.is_estimate() && log.table.role != Role::Truth;
     let has = |k: &usize| (logs[*k].has(Geodetic) || logs[*k].has(Local)) && !is_left(&logs[*k]);
     let mut all: Vec<(usize, Track)> = (0..logs.len())
         .filter(has)
@@ -424,12 +428,24 @@ fn tracks(logs: &[Log], apart: Option<usize>) -> (Found, Found) {
         let has_attitude = logs[*k].has(Quaternion) || logs[*k].has(Euler);
         (!has_attitude, track.claimed.unwrap_or(f64::INFINITY))
     };
+    let is_truth = |k: usize| logs[k].table.role == Role::Truth;
     let is_better = |best: &(usize, Track), other: &(usize, Track)| {
+        // By the type of its messages it is a measurement.
+        if logs[best.0].table.role == Role::Measurement {
+            return false;
+        }
         let is_unclaimed = best.1.claimed.or(other.1.claimed).is_none();
         quality(best) < quality(other) || (is_unclaimed && 10.0 * best.1.scatter < other.1.scatter)
     };
     let rank = |found: &(usize, Track)| (quality(found), found.1.scatter);
     all.sort_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(core::cmp::Ordering::Equal));
+    if let Some(truth) = all.iter().position(|(k, _)| is_truth(*k)) {
+        let truth = all.remove(truth);
+        return match all.into_iter().find(|(k, _)| !is_truth(*k)) {
+            None => (Some(truth), None),
+            measured => (measured, Some(truth)),
+        };
+    }
     let mut all = all.into_iter();
     match (all.next(), all.next()) {
         (Some(best), Some(other)) if is_better(&best, &other) => (Some(other), Some(best)),

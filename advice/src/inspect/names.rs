@@ -165,6 +165,7 @@ impl<'a> Finder<'a> {
             factor: 1.0,
             increment: false,
             course: None,
+            of_height: "m",
             is_body: false,
             columns,
         });
@@ -279,8 +280,8 @@ impl<'a> Finder<'a> {
                 sigma_of(stem).filter(|_| stem.contains('_'))
             };
             let expected = match kind {
-                Some(Kind::VelocitySigma) => ["m/s", "cm/s", "km/h"],
-                _ => ["m", "cm", "mm"],
+                Some(Kind::VelocitySigma) => ["m/s", "cm/s", "mm/s", "km/h"],
+                _ => ["m", "cm", "mm", "km"],
             };
             if let Some(kind) = kind.filter(|_| unit.is_some_and(|unit| expected.contains(&unit)) && !contains(stem, &DERIVED)) {
                 self.add_sigma(kind, vec![k; 3]);
@@ -329,7 +330,7 @@ impl<'a> Finder<'a> {
             "groundspeed",
             "gspeed",
         ];
-        const SPEED: [&str; 4] = ["m/s", "cm/s", "km/h", "kn"];
+        const SPEED: [&str; 5] = ["m/s", "cm/s", "mm/s", "km/h", "kn"];
         let find = |names: &[&str], units: &[&str], is_right: &dyn Fn(usize) -> bool| {
             let is_called =
                 |w: &Words| w.ends_with(names) && !contains(&w.stem, &DERIVED) && w.unit.is_none_or(|unit| units.contains(&unit));
@@ -389,8 +390,8 @@ impl<'a> Finder<'a> {
     /// A height whose name may also give its datum. Of two, the height above the ellipsoid, as for latitudes and
     /// longitudes.
     fn height(&self) -> Option<usize> {
-        let is_in_metres = |k: &usize| matches!(self.words[*k].unit, None | Some("m"));
-        let all = (0..self.words.len()).filter(|k| is_in_metres(k) && is_height(&self.words[*k].stem));
+        let is_length = |k: &usize| matches!(self.words[*k].unit, None | Some("m" | "cm" | "mm"));
+        let all = (0..self.words.len()).filter(|k| is_length(k) && is_height(&self.words[*k].stem));
         all.min_by_key(|k| ["msl", "sea"].iter().any(|datum| self.words[*k].stem.contains(datum)))
     }
 
@@ -398,7 +399,10 @@ impl<'a> Finder<'a> {
         if let (Some(lat), Some(lon)) = (self.one(&["lat", "latitude"]), self.one(&["lon", "lng", "long", "longitude"])) {
             let height = self.one(&["h", "alt", "height", "altitude"]).or_else(|| self.height());
             let columns = [Some(lat), Some(lon), height].into_iter().flatten();
-            self.add(Kind::Geodetic, columns.map(|k| (k, false)).collect());
+            let of_height = height.and_then(|k| self.words[k].unit).unwrap_or("m");
+            if let Some(found) = self.add(Kind::Geodetic, columns.map(|k| (k, false)).collect()) {
+                found.of_height = of_height;
+            }
         }
         if let (Some(r), Some(p), Some(y)) = (self.one(&["roll"]), self.one(&["pitch"]), self.one(&["yaw", "heading"])) {
             self.add(Kind::Euler, vec![(r, false), (p, false), (y, false)]);
@@ -411,6 +415,8 @@ impl<'a> Finder<'a> {
             "heading_true",
             "headingtrue",
             "true_heading",
+            "headingt",
+            "headt",
         ]) {
             self.add(Kind::Heading, vec![(heading, false)]);
         }
@@ -499,7 +505,7 @@ fn body_vector(prefix: &str, unit: Option<&'static str>) -> Option<(Kind, &'stat
         None if turned => (Kind::AngularRate, "rad", true),
         None if gained => (Kind::SpecificForce, "", true),
         Some("m/s^2" | "g" | "mg") => (Kind::SpecificForce, named, false),
-        Some("uT" | "nT" | "T" | "gauss") => (Kind::MagneticField, named, false),
+        Some("uT" | "nT" | "T" | "gauss" | "mgauss") => (Kind::MagneticField, named, false),
         Some("m/s") if gained => (Kind::SpecificForce, named, true),
         Some("m/s") if is(&["v", "vel", "velocity", "body_velocity"]) => (Kind::BodyVelocity, named, false),
         Some("rad" | "deg") if turned => (Kind::AngularRate, named, true),

@@ -5,8 +5,10 @@ use super::log::Log;
 use super::numbers::{Vec3, norm};
 use super::signal::Kind::{BodyVelocity, MagneticField, Speed};
 use super::{Clock, Form, Inspection, Pair, Track};
+use fusion::source::table::Role;
 use fusion_core::math;
 use fusion_tables::{Cell, Column, Page, Section, Table, Unit};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 impl Inspection {
@@ -17,11 +19,14 @@ impl Inspection {
             self.logs.iter().for_each(|log| add(&mut t, log));
             t
         };
+        // All topics of a file have its notes.
+        let of_files: BTreeSet<String> = self.logs.iter().flat_map(Log::of_file).collect();
         let mut sections = vec![
             self.logs
                 .iter()
                 .flat_map(|log| [log.several(), log.side_by_side(), log.of_day(), log.recordings()])
                 .flatten()
+                .chain(of_files)
                 .fold(Section::new("Files", [all(file, files())]), Section::note),
             Section::new("Arrays", [all(arrays, Table::new(["file", "array", "shape"].map(Column::text)))]),
             Section::new("Quantities", [all(quantities, columns())]),
@@ -56,6 +61,14 @@ impl Inspection {
         let design = self.written(Path::new("."));
         let read = |k: usize, column: usize| design.as_ref().is_some_and(|(_, read)| read.contains(&(k, column)));
         for (k, log) in self.logs.iter().enumerate() {
+            if log.table.role == Role::Other {
+                t.row([
+                    log.name(),
+                    "all".to_owned(),
+                    "no measurements, by the type of the messages".to_owned(),
+                ]);
+                continue;
+            }
             let stamps = log.clock.as_ref().map_or_else(Vec::new, |c| c.columns(&log.table));
             let mut reasons: Vec<(String, Vec<&str>)> = Vec::new();
             for (column, of) in log.table.columns.iter().enumerate() {

@@ -119,6 +119,8 @@ pub struct Signal {
     pub increment: bool,
     /// The unit of the course, for a velocity as speed and course, which are the first two columns.
     pub course: Option<&'static str>,
+    /// The unit of the height of a place.
+    pub of_height: &'static str,
     /// Whether the names give the forward axis: the columns are forward, right, down.
     pub is_body: bool,
     /// The reason for this guess.

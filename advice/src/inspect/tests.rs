@@ -7,6 +7,7 @@ use fusion::source::table::LogColumn;
 mod field;
 mod loggers;
 mod names;
+mod roles;
 mod sigmas;
 mod stamps;
 mod text;

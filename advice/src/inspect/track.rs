@@ -2,7 +2,7 @@
 
 use super::log::Log;
 use super::numbers::{Vec3, median, quantile};
-use super::signal::Kind;
+use super::signal::{Kind, factor};
 use fusion_core::math;
 
 /// Mean radius of the Earth \[m\]: accurate enough for a track.
@@ -67,10 +67,10 @@ impl Track {
         let mut claims = [Vec::new(), Vec::new()];
         let is_geodetic = kind == Kind::Geodetic;
         let has_height = log.signal(kind)?.columns.len() > 2;
-        // The height is in metres for any unit of the angles.
+        // The height has its own unit.
         let height = |row: usize| {
             if has_height {
-                log.signal(kind).map_or(0.0, |s| s.raw(&log.table, row)[2])
+                log.signal(kind).map_or(0.0, |s| factor(s.of_height) * s.raw(&log.table, row)[2])
             } else {
                 0.0
             }

@@ -10,7 +10,7 @@ pub(super) struct Words {
 }
 
 /// Units as headers write them, without blanks and brackets, and as designs write them.
-const UNITS: [(&str, &str); 53] = [
+const UNITS: [(&str, &str); 57] = [
     ("mps2", "m/s^2"),
     ("ms2", "m/s^2"),
     ("m/s2", "m/s^2"),
@@ -38,8 +38,11 @@ const UNITS: [(&str, &str); 53] = [
     ("deg", "deg"),
     ("degree", "deg"),
     ("degrees", "deg"),
+    ("1e-7deg", "1e-7 deg"),
     ("cmps", "cm/s"),
     ("cm/s", "cm/s"),
+    ("mmps", "mm/s"),
+    ("mm/s", "mm/s"),
     ("mm", "mm"),
     ("cm", "cm"),
     ("m", "m"),
@@ -52,6 +55,7 @@ const UNITS: [(&str, &str); 53] = [
     ("ns", "ns"),
     ("ga", "gauss"),
     ("gauss", "gauss"),
+    ("mgauss", "mgauss"),
     ("ut", "uT"),
     ("nt", "nT"),
     ("tesla", "T"),
@@ -82,6 +86,12 @@ pub(super) const QUATERNION: [&str; 5] = ["q", "quat", "quaternion", "orientatio
 impl Words {
     /// Splits a name.
     pub(super) fn of(name: &str) -> Self {
+        // An element of an array and then its unit: `x[0] [rad/s]`.
+        if let Some((element, inside)) = name.rsplit_once(" [").filter(|(element, _)| element.ends_with(']')) {
+            let words = Self::of(element);
+            let unit = unit(inside.trim_end_matches(']')).or(words.unit);
+            return Self { unit, ..words };
+        }
         let bracket = name
             .find(['[', '('])
             .map(|at| (&name[..at], name[at + 1..].trim_end_matches([']', ')'])));
@@ -202,6 +212,8 @@ mod tests {
             ("gyro_rad[0]", "gyro_x", Some("rad")),
             ("q[3]", "q_z", None),
             ("gyro(1)", "gyro", None),
+            ("xyz[2] [rad/s]", "xyz_z", Some("rad/s")),
+            ("lat [1e-7 deg]", "lat", Some("1e-7 deg")),
             ("acc [m/s^2]", "acc", Some("m/s^2")),
         ] {
             let words = Words::of(name);

@@ -37,6 +37,12 @@ impl Cells {
         }
     }
 
+    /// A cell as text.
+    #[cfg(test)]
+    pub(crate) fn shown(&self, column: usize) -> String {
+        self.get(column).shown().into_owned()
+    }
+
     /// The number of cells so far.
     #[must_use]
     pub const fn len(&self) -> usize {

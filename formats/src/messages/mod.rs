@@ -17,10 +17,12 @@ pub use crate::LONGEST_ARRAY;
 pub use cells::Cells;
 pub use pass::MOST_WAITING;
 pub use rows::{Read, open};
+#[allow(unused_imports, reason = "a program may be built without any format")]
+pub(crate) use spec::message_format;
 pub use tables::tables;
 
 use fusion::rows::SourceError;
-use fusion::source::table::Topic;
+use fusion::source::table::{Role, Topic};
 use fusion::source::{DataFile, OpenContext};
 
 /// Reads the messages of a log in the order of the file.
@@ -43,6 +45,22 @@ pub trait MessageReader: Sized + Send + 'static {
 
     /// The columns of a topic, as its first message defined them. The first one has the usual stamps.
     fn columns(&self, topic: usize) -> &[String];
+
+    /// What a column means, if the type of the messages defines more than its name says: another name, with the unit in
+    /// brackets, as in `lat [1e-7 deg]`. `inspect` reads it in place of the name.
+    fn label(&self, _topic: usize, _column: usize) -> Option<String> {
+        None
+    }
+
+    /// What the messages of a topic are, if their type shows it.
+    fn role(&self, _topic: usize) -> Role {
+        Role::Unknown
+    }
+
+    /// What the log says about itself, such as the drop-outs of the logger. It is complete after the last message.
+    fn remarks(&self) -> Vec<String> {
+        Vec::new()
+    }
 
     /// Adds the cells of the current message, one for each column of its topic. Cells that are missing at the end are
     /// empty.

@@ -62,7 +62,12 @@ pub fn tables<R: MessageReader>(path: &Path, format: &'static LogFormat) -> Resu
         let table = tables[topic].get_or_insert_with(|| {
             order.push(topic);
             let about = reader.topics()[topic].clone();
-            LogTable::of_topic(path, format, about, columns)
+            let mut table = LogTable::of_topic(path, format, about, columns);
+            table.role = reader.role(topic);
+            for (column, of) in table.columns.iter_mut().enumerate() {
+                of.label = reader.label(topic, column);
+            }
+            table
         });
         table.add(&One {
             columns,
@@ -74,8 +79,9 @@ pub fn tables<R: MessageReader>(path: &Path, format: &'static LogFormat) -> Resu
         return Err(DataError::new(path.display().to_string(), broken.to_string()).into());
     }
     let mut tables: Vec<LogTable> = order.into_iter().filter_map(|topic| tables[topic].take()).collect();
-    if let Some(broken) = broken {
-        tables.iter_mut().for_each(|table| table.broken = Some(broken.to_string()));
+    for table in &mut tables {
+        table.broken = broken.as_ref().map(ToString::to_string);
+        table.remarks = reader.remarks();
     }
     Ok(tables)
 }

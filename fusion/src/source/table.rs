@@ -29,6 +29,8 @@ pub struct LogTable {
     pub path: PathBuf,
     /// The stream, if the file has several streams of unlike types.
     pub topic: Option<Topic>,
+    /// What its rows are, as far as its format knows it.
+    pub role: Role,
     /// How it is written; text by default.
     pub format: &'static LogFormat,
     /// The delimiter of its fields.
@@ -58,6 +60,8 @@ pub struct LogTable {
     pub malformed: usize,
     /// The damage at which the file ends.
     pub broken: Option<String>,
+    /// What the file says about itself, such as drop-outs of the logger.
+    pub remarks: Vec<String>,
 }
 
 /// A stream of a file with several streams. A source of such a format has the key `topic`.
@@ -69,6 +73,22 @@ pub struct Topic {
     pub message_type: String,
 }
 
+/// What rows are, by the type of their messages.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Role {
+    /// Names and values have to show it.
+    #[default]
+    Unknown,
+    /// Measurements of an instrument.
+    Measurement,
+    /// The estimate of another filter.
+    Estimate,
+    /// The truth of a simulation.
+    Truth,
+    /// Something else: a setpoint, a state of the system, a statistic.
+    Other,
+}
+
 /// A column.
 #[derive(Clone, Debug, Default)]
 pub struct LogColumn {
@@ -77,7 +97,7 @@ pub struct LogColumn {
     /// Its first cell as written.
     pub first: String,
     /// A label that replaces the name: for a name with an index (`imu_acc_y` for `imu.acc(:,2)`), for a line of units
-    /// below the names, or for a number that replaces a repeated name.
+    /// below the names, for a number that replaces a repeated name, or with the unit of a message: `lat [1e-7 deg]`.
     pub label: Option<String>,
     /// The calendar, if it holds dates with the time of day.
     pub calendar: Option<Calendar>,

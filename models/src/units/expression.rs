@@ -36,12 +36,24 @@ pub fn parse(text: &str) -> Result<(f64, Dimension), UnitError> {
     value.is_finite().then_some((value, dimension)).ok_or_else(not_finite)
 }
 
-/// Reads a bare unit such as `"deg/s"`: its factor to SI and its dimension.
+/// Reads a bare unit such as `"deg/s"`: its factor to SI and its dimension. Instruments that count parts of a unit have
+/// a power of ten before it: `"1e-7 deg"`.
 ///
 /// # Errors
 /// An unknown symbol or a malformed expression.
 pub fn parse_unit(text: &str) -> Result<(f64, Dimension), UnitError> {
-    Parser::new(text, text.trim()).whole()
+    let body = text.trim();
+    match body.split_once(' ').filter(|(power, _)| power.starts_with("1e")) {
+        Some((power, unit)) if number_length(power) == power.len() => {
+            let (factor, dimension) = Parser::new(text, unit.trim_start()).whole()?;
+            let size = power.parse::<f64>().map_or(f64::NAN, |power| power * factor);
+            let is_sound = size.is_finite() && size > 0.0;
+            is_sound
+                .then_some((size, dimension))
+                .ok_or_else(|| UnitError::Number { text: text.to_owned() })
+        }
+        _ => Parser::new(text, body).whole(),
+    }
 }
 
 /// The length in bytes of the decimal number at the start of `text`; 0 without a number.
@@ -264,6 +276,16 @@ mod tests {
             // 4 ε: a handful of rounded factors
             assert!((si - value).abs() <= 4.0 * f64::EPSILON * value.abs(), "{text}: {si}");
             assert_eq!(dimension.to_string(), unit, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_power_of_ten_may_be_before_a_unit() {
+        let (size, dimension) = parse_unit("1e-7 deg").unwrap();
+        // 2 ε: two rounded factors
+        assert!((size / (1e-7 * PI / 180.0) - 1.0).abs() < 2.0 * f64::EPSILON && dimension.to_string() == "rad");
+        for wrong in ["1e-7", "1e-7 furlong", "1e-400 deg", "2 deg", "1e deg", "1e-7 1e-7 deg"] {
+            assert!(parse_unit(wrong).is_err(), "{wrong}");
         }
     }
 

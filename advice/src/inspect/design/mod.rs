@@ -21,7 +21,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Slower units cannot be integrated \[Hz\].
-const INTEGRABLE: f64 = 20.0;
+pub(super) const INTEGRABLE: f64 = 20.0;
 /// Faster fixes are thinned; the rest judges the filter \[Hz\].
 const WITHHELD: f64 = 1.9;
 

@@ -192,6 +192,9 @@ impl Inspection {
                         .map(|height| ("height", height.as_str().into())),
                 );
                 body.push(("unit", signal.unit.as_str().into()));
+                if signal.of_height != "m" && names.len() > 2 && !is_horizontal {
+                    body.push(("height_unit", signal.of_height.into()));
+                }
                 body
             }
             Kind::Local => {
