@@ -49,6 +49,9 @@ mod files;
 /// Findings in the runs of the shipped designs.
 #[path = "suite/findings.rs"]
 mod findings;
+/// Estimates in the formats of maps and other programs.
+#[path = "suite/formats.rs"]
+mod formats;
 /// Every shipped design with every form of the covariance.
 #[path = "suite/forms.rs"]
 mod forms;
