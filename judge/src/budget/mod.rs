@@ -36,6 +36,7 @@ mod chart;
 mod follower;
 mod input;
 mod result;
+mod segment;
 mod spread;
 #[cfg(test)]
 mod tests;

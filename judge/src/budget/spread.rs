@@ -55,6 +55,26 @@ impl Spread {
         }
     }
 
+    /// The axes of e.
+    pub(super) const fn dim(&self) -> usize {
+        self.n
+    }
+
+    /// Covariances X.
+    pub(super) const fn blocks(&self) -> usize {
+        self.blocks
+    }
+
+    /// Errors t.
+    pub(super) fn errors(&self) -> usize {
+        self.owners.len()
+    }
+
+    /// The X of an error; `None` for an error that is drawn once.
+    pub(super) fn owner(&self, error: usize) -> Option<usize> {
+        self.owners[error]
+    }
+
     /// e ← (I + D) e, D given by its elements, row by row.
     pub(super) fn carry(&mut self, changes: &[(u16, u16, f64)]) {
         let (n, s) = (self.n, self.blocks);
@@ -171,6 +191,27 @@ impl Spread {
         self.variances[error] = a * a * self.variances[error] + fresh;
     }
 
+    /// Noise that moved e and the error moved both: their covariance.
+    pub(super) fn covary(&mut self, error: usize, with: &[f64]) {
+        let own = self.columns.iter_mut().skip(error).step_by(self.width);
+        own.zip(with).for_each(|(c, with)| *c += with);
+    }
+
+    /// Adds white noise to e: a covariance for each X, in rows of `ld` numbers; what is below the diagonals does not count.
+    pub(super) fn add_all(&mut self, noise: &[f64], ld: usize) {
+        let n = self.n;
+        for (block, noise) in noise.chunks_exact(n * ld).enumerate() {
+            for (i, row) in noise.chunks_exact(ld).enumerate() {
+                for (j, value) in row[..n].iter().enumerate().skip(i).filter(|(_, value)| **value != 0.0) {
+                    self.add(block, i, j, *value);
+                    if i != j {
+                        self.add(block, j, i, *value);
+                    }
+                }
+            }
+        }
+    }
+
     /// Adds white noise to e: an element of its covariance.
     pub(super) fn add(&mut self, block: usize, i: usize, j: usize, value: f64) {
         self.x[(i * self.n + j) * self.blocks + block] += value;
@@ -201,10 +242,10 @@ impl Spread {
 }
 
 /// Numbers in a group: short loops over whole groups need no remainder.
-const LANES: usize = 4;
+pub(super) const LANES: usize = 4;
 
 /// y ← y + a x, of whole groups.
-fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
+pub(super) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
     let groups = y.as_chunks_mut::<LANES>().0.iter_mut().zip(x.as_chunks::<LANES>().0);
     for (y, x) in groups {
         (0..LANES).for_each(|k| y[k] += a * x[k]);
@@ -212,10 +253,10 @@ fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
 }
 
 /// The row `row` of a matrix of this width.
-fn part(x: &[f64], row: usize, width: usize) -> &[f64] {
+pub(super) fn part(x: &[f64], row: usize, width: usize) -> &[f64] {
     &x[row * width..(row + 1) * width]
 }
 
-fn part_mut(x: &mut [f64], row: usize, width: usize) -> &mut [f64] {
+pub(super) fn part_mut(x: &mut [f64], row: usize, width: usize) -> &mut [f64] {
     &mut x[row * width..(row + 1) * width]
 }
