@@ -383,10 +383,9 @@ impl<'a> Follower<'a> {
         let is_due = self.at.get(due).is_some_and(|at| time >= *at);
         for (axis, sums) in self.axes.iter().zip(&mut self.states) {
             let a = axis.along(&belief.x);
-            let variances = (0..self.world.sources.len()).map(|source| axis.variance(source, &a, &self.world, &self.spread));
             sums.end = Split {
                 time,
-                variances: variances.collect(),
+                variances: axis.variances(&a, &self.world, &self.spread),
                 filter: axis.reported(&a, belief),
             };
             if counts {

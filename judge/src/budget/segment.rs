@@ -24,7 +24,7 @@ use core::ops::Range;
 /// Steps in a segment at most. It bounds the memory where neither correction nor estimate ends a segment.
 const MOST_STEPS: usize = 64;
 
-/// What happens to the errors.
+/// A change of the errors.
 #[derive(Clone, Debug)]
 enum Operation {
     /// e ← (I + D) e: a part of `Segment::elements`.
@@ -54,7 +54,7 @@ pub(super) struct Segment {
     responses: Vec<f64>,
     /// The number of an error, and its factor.
     factors: Vec<(usize, f64)>,
-    /// Of the backward pass: the columns of Ψ, and those before a step; Ψ l; all errors.
+    /// Sums of the backward pass: the columns of Ψ, and those before a step; Ψ l; all errors.
     psi: Vec<f64>,
     psi_before: Vec<f64>,
     psi_l: Vec<f64>,
@@ -108,7 +108,7 @@ impl Segment {
     /// e ← (I + D) e, D given by its elements.
     pub(super) fn carry(&mut self, changes: impl Iterator<Item = (u16, u16, f64)>) -> &[(u16, u16, f64)] {
         let first = self.elements.len();
-        self.elements.extend(changes);
+        changes.for_each(|change| self.elements.push(change));
         self.operations.push(Operation::Carry(first..self.elements.len()));
         self.steps += 1;
         &self.elements[first..]

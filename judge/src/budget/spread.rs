@@ -83,9 +83,7 @@ impl Spread {
             let width = x.len() / n;
             z.fill(0.0);
             for (z, row) in z.chunks_exact_mut(width.max(1)).zip(&rows) {
-                for &(_, j, by) in *row {
-                    axpy(by, part(x, j.into(), width), z);
-                }
+                combine(row, x, width, z);
             }
             for (z, row) in z.chunks_exact(width.max(1)).zip(&rows) {
                 axpy(1.0, z, part_mut(x, row[0].0.into(), width));
@@ -101,7 +99,7 @@ impl Spread {
             (0..n).for_each(|a| axpy(1.0, part(z, a, s), part_mut(&mut self.x, a * n + i, s)));
             for changed in rows.iter().take_while(|changed| changed[0].0 <= row[0].0) {
                 let to = part_mut(&mut self.x, i * n + usize::from(changed[0].0), s);
-                changed.iter().for_each(|&(_, j, by)| axpy(by, part(z, j.into(), s), to));
+                combine(changed, z, s, to);
             }
         }
         for (k, row) in rows.iter().enumerate() {
@@ -197,7 +195,7 @@ impl Spread {
         own.zip(with).for_each(|(c, with)| *c += with);
     }
 
-    /// Adds white noise to e: a covariance for each X, in rows of `ld` numbers; what is below the diagonals does not count.
+    /// Adds white noise to e: a covariance for each X, in rows of `ld` numbers, read from its diagonal on.
     pub(super) fn add_all(&mut self, noise: &[f64], ld: usize) {
         let n = self.n;
         for (block, noise) in noise.chunks_exact(n * ld).enumerate() {
@@ -241,15 +239,28 @@ impl Spread {
     }
 }
 
-/// Numbers in a group: short loops over whole groups need no remainder.
+/// Rows are multiples of this: short loops over them need no remainder.
 pub(super) const LANES: usize = 4;
 
-/// y ← y + a x, of whole groups.
+/// y ← y + a x.
+#[inline]
 pub(super) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
-    let groups = y.as_chunks_mut::<LANES>().0.iter_mut().zip(x.as_chunks::<LANES>().0);
-    for (y, x) in groups {
-        (0..LANES).for_each(|k| y[k] += a * x[k]);
+    y.iter_mut().zip(x).for_each(|(y, x)| *y += a * x);
+}
+
+/// y ← y + D x for one row of D.
+#[inline]
+fn combine(row: &[(u16, u16, f64)], x: &[f64], width: usize, y: &mut [f64]) {
+    // Four at a time: each number of y is then read and written less often.
+    let (fours, rest) = row.as_chunks::<4>();
+    for four in fours {
+        let a = four.map(|(.., by)| by);
+        let [x0, x1, x2, x3] = four.map(|(_, j, _)| part(x, j.into(), width));
+        let x = x0.iter().zip(x1).zip(x2.iter().zip(x3));
+        let sums = x.map(|((x0, x1), (x2, x3))| (a[0] * x0 + a[1] * x1) + (a[2] * x2 + a[3] * x3));
+        y.iter_mut().zip(sums).for_each(|(y, sum)| *y += sum);
     }
+    rest.iter().for_each(|&(_, j, by)| axpy(by, part(x, j.into(), width), y));
 }
 
 /// The row `row` of a matrix of this width.
