@@ -210,6 +210,8 @@ impl Shown<'_, Summary> {
         let mut sections: Vec<Section> = own.clone().map(errors).collect();
         sections.extend(self.current().into_iter().filter_map(|c| c.score.as_ref()).map(current_errors));
         sections.extend(smoothed.map(|(how, score)| smoothed_errors(how, score)));
+        let unscored = self.smoothed().filter(|s| s.score.is_none()).and_then(|s| s.iteration);
+        sections.extend(unscored.map(|how| Section::new("Smoothed estimates", []).note(iteration(&how))));
         sections.extend(self.inside().iter().map(of_inside));
         sections.extend(own.clone().map(trajectory::section));
         sections.extend(own.clone().filter_map(|score| score.episodes.as_ref()).map(episodes));

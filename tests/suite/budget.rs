@@ -1,6 +1,6 @@
 //! `fusion budget`: which share of each error comes from which source.
 
-use crate::support::{Workspace, stderr, stdout};
+use crate::support::{Workspace, page, stderr, titles};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
@@ -9,15 +9,8 @@ fn a_budget_has_tables_a_file_and_a_picture() {
     let w = Workspace::new("budget");
     let design = format!("{ROOT}/configs/ins-gps.toml");
     let shown = w.fusion(&["budget", &design, "--out", "out", "--format", "json"]).success();
-    let page: serde_json::Value = serde_json::from_str(&stdout(&shown)).unwrap();
-    let titles: Vec<&str> = page["sections"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|s| s["title"].as_str().unwrap())
-        .collect();
     assert_eq!(
-        titles,
+        titles(&page(&shown)),
         ["Errors, 1σ", "Best improvement", "Shares of the variance", "Limits", "Written"]
     );
     let found: toml::Table = w.read("out/budget.toml").parse().unwrap();

@@ -1,4 +1,4 @@
-use crate::support::{DESIGN, Workspace, fixes, has, narrow, shows, snapshot, squeezed, stderr, stdout};
+use crate::support::{DESIGN, Workspace, fixes, has, narrow, page, shows, snapshot, squeezed, stderr, stdout, table};
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 use serde_json::{Value, json};
@@ -130,13 +130,8 @@ fn variants_without_a_reference_are_compared_by_their_sensors() {
     let ran = w
         .fusion(&["compare", "design.toml", "--variant", "base,ekf", "--format", "json"])
         .success();
-    let page: Value = serde_json::from_str(&stdout(&ran)).unwrap();
-    let section = |title: &str| {
-        let sections = page["sections"].as_array().unwrap();
-        let found = sections.iter().find(|s| s["title"] == title);
-        found.unwrap_or_else(|| panic!("{title}: {page}"))["tables"][0].clone()
-    };
-    let measured = section("Measurements of each sensor");
+    let page = page(&ran);
+    let measured = table(&page, "Measurements of each sensor");
     let base = measured["rows"][0]["cells"].as_array().unwrap();
     assert_eq!(base[..2], [json!("gnss"), json!("base")]);
     assert_eq!(base[2..4], [sensor["accepted"].clone(), sensor["rejected"].clone()]);
@@ -145,7 +140,7 @@ fn variants_without_a_reference_are_compared_by_their_sensors() {
     // The fixes alternate by up to 2 m; the design declares 2 m per axis.
     assert_eq!(base[5], "conservative");
     assert_eq!(measured["rows"][1]["cells"][1], "ekf");
-    let innovations = section("Innovations of accepted measurements");
+    let innovations = table(&page, "Innovations of accepted measurements");
     let north = &innovations["rows"][0];
     assert_eq!((&north["unit"], &north["cells"][0]), (&json!("m"), &json!("gnss north")));
     assert_eq!(north["cells"][2], sensor["innovations"]["rms"][0]);
@@ -153,7 +148,7 @@ fn variants_without_a_reference_are_compared_by_their_sensors() {
     let next = &innovations["rows"][1]["cells"];
     assert_eq!((&next[0], &next[1]), (&json!("gnss north"), &json!("ekf")));
     // NEES is not shown, because there is no reference.
-    section("Filter time per epoch");
+    table(&page, "Filter time per epoch");
     let scored = w.fusion(&["compare", "--variant", "base,ekf"]).success();
     let scored = stdout(&scored);
     assert!(scored.contains("Measurements of all sensors together"), "{scored}");
@@ -310,13 +305,9 @@ fn text_json_and_html_show_the_same_numbers() {
     let w = Workspace::new("command-format");
     let text = stdout(&w.fusion(&["run", "design.toml", "--verbose", "--out", "out"]).success());
     let ran = w.fusion(&["run", "design.toml", "--format", "json"]).success().stderr("");
-    let page: Value = serde_json::from_str(&stdout(&ran)).unwrap();
+    let page = page(&ran);
     assert_eq!(page["title"], "Constant velocity with GNSS");
-    let section = |title: &str| {
-        let found = page["sections"].as_array().unwrap().iter().find(|s| s["title"] == title);
-        found.unwrap_or_else(|| panic!("no section {title} in {page:#}"))["tables"][0].clone()
-    };
-    let innovations = section("Innovations of accepted measurements");
+    let innovations = table(&page, "Innovations of accepted measurements");
     let row = &innovations["rows"][0];
     assert_eq!((&row["unit"], &row["cells"][0]), (&"m".into(), &"gnss north".into()));
     let summary: Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
@@ -330,7 +321,7 @@ fn text_json_and_html_show_the_same_numbers() {
     );
     let cell = format!("gnss north [m]</th><td>{shown}</td>");
     assert!(w.read("out/report.html").contains(&cell), "{cell}");
-    let verdict = section("Consistency")["rows"][0]["cells"][5].clone();
+    let verdict = table(&page, "Consistency")["rows"][0]["cells"][5].clone();
     assert!(text.contains(verdict.as_str().unwrap()), "{verdict} in {text}");
 }
 

@@ -1,7 +1,7 @@
 //! Observability along a motion: published ranks, and the motion that identifies a state.
 
 use crate::real::real_design;
-use crate::support::{Workspace, stdout};
+use crate::support::{Workspace, page, stdout, titles};
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::Options;
@@ -245,16 +245,9 @@ fn the_command_shows_the_result_as_text_and_as_json() {
     ] {
         assert!(text.contains(wanted), "{wanted}: {text}");
     }
-    let page = stdout(&w.fusion(&[&args[..], &["--format", "json"]].concat()).success());
-    let page: serde_json::Value = serde_json::from_str(&page).unwrap();
-    let titles: Vec<&str> = page["sections"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|s| s["title"].as_str().unwrap())
-        .collect();
+    let shown = w.fusion(&[&args[..], &["--format", "json"]].concat()).success();
     assert_eq!(
-        titles,
+        titles(&page(&shown)),
         [
             "Observability",
             "Least known directions",

@@ -1,6 +1,7 @@
 //! The maximum a posteriori of a log: by the iterated smoother, and by sparse Cholesky factorisation.
 
 use super::real::real_design;
+use crate::support::{Workspace, has};
 use fusion::config::Document;
 use fusion::core::belief::Belief;
 use fusion::core::runner::Halt;
@@ -94,4 +95,14 @@ fn the_iteration_ends_on_recorded_logs() {
         // Measured four and three.
         assert!(how.is_converged && how.iterations <= 6, "{name}: {how:?}");
     }
+}
+
+#[test]
+fn a_run_without_a_reference_says_how_the_iteration_ended() {
+    let w = Workspace::new("optimum-unscored");
+    let design = format!("{}/configs/series/nile.toml", env!("CARGO_MANIFEST_DIR"));
+    // A linear model: the first linearisation is exact.
+    w.fusion(&["run", &design, "--smooth=iterate", "--verbose"]).success().stdout(has(
+        "Linearised once at the smoothed states: no state is further than 1e-6 σ from the optimum.",
+    ));
 }

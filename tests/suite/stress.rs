@@ -1,6 +1,6 @@
 //! `fusion stress` on a short simulated design and on recorded fixes, and its error messages.
 
-use crate::support::{Workspace, narrow, shows, squeezed, stderr, stdout};
+use crate::support::{Workspace, narrow, page, shows, squeezed, stderr, stdout};
 use predicates::str::contains;
 use serde_json::Value;
 
@@ -201,7 +201,7 @@ fn a_design_changes_the_catalogue_and_a_file_replaces_it() {
         "--pairs",
         "0",
     ]);
-    let page: Value = serde_json::from_str(&stdout(&ran.success())).unwrap();
+    let page = page(&ran.success());
     let cells = |row: &Value| row["cells"][0].as_str().map(str::to_owned);
     let table = page["sections"][0]["tables"][0]["rows"].as_array().unwrap();
     let faults: Vec<String> = table.iter().filter_map(cells).collect();

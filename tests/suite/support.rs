@@ -1,5 +1,6 @@
 use assert_cmd::assert::Assert;
 use predicates::prelude::{Predicate, predicate};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// A separate folder for a test, removed at its end.
@@ -48,6 +49,29 @@ pub fn stdout(ran: &Assert) -> String {
 /// The standard error of the command.
 pub fn stderr(ran: &Assert) -> String {
     String::from_utf8(ran.get_output().stderr.clone()).unwrap()
+}
+
+/// The page that the command printed with `--format json`.
+pub fn page(ran: &Assert) -> Value {
+    serde_json::from_str(&stdout(ran)).unwrap_or_else(|error| panic!("{error}: {}", stdout(ran)))
+}
+
+/// The sections of such a page, by title.
+fn sections(page: &Value) -> impl Iterator<Item = (&str, &Value)> {
+    let sections = page["sections"].as_array().into_iter().flatten();
+    sections.map(|section| (section["title"].as_str().unwrap_or_default(), section))
+}
+
+/// The titles of its sections, in order.
+pub fn titles(page: &Value) -> Vec<&str> {
+    sections(page).map(|(title, _)| title).collect()
+}
+
+/// The first table of the first section whose title begins so.
+pub fn table<'p>(page: &'p Value, title: &str) -> &'p Value {
+    let mut found = sections(page).filter(|(own, _)| own.starts_with(title));
+    let (_, section) = found.next().unwrap_or_else(|| panic!("no section {title} in {page:#}"));
+    &section["tables"][0]
 }
 
 /// Lines of a table with blanks squeezed, so that widths may change.

@@ -1,7 +1,7 @@
 //! `fusion tune`: noises from innovations, without a reference.
 
 use crate::real::data;
-use crate::support::{Workspace, stderr, stdout};
+use crate::support::{Workspace, page, stderr, stdout, table};
 use fusion::Selection;
 use fusion::run::{KeptRows, Options};
 use fusion_judge::tune::{Log, Outage, Settings, Tuned, tune};
@@ -93,10 +93,8 @@ fn a_comparison_has_the_difference_of_likelihood_with_its_error() {
     let compared = w
         .fusion(&["compare", &design, "--variant", "base,no-gate", "--format", "json"])
         .success();
-    let page: serde_json::Value = serde_json::from_str(&stdout(&compared)).unwrap();
-    let sections = page["sections"].as_array().unwrap();
-    let is_likelihood = |s: &&serde_json::Value| s["title"].as_str().unwrap().starts_with("Likelihood");
-    let rows = &sections.iter().find(is_likelihood).unwrap()["tables"][0]["rows"];
+    let page = page(&compared);
+    let rows = &table(&page, "Likelihood")["rows"];
     let all = rows
         .as_array()
         .unwrap()
@@ -292,7 +290,7 @@ fn an_edit_of_advice_is_proposed_if_the_half_that_it_has_not_seen_gains() {
     let data = data.display().to_string();
     let arguments = ["tune", &design, "--data", &data, "--structure"];
     let feet = ["--set", "source.imu.channels.specific_force.unit=\"ft/s^2\"", "--format", "json"];
-    let page: serde_json::Value = serde_json::from_str(&stdout(&w.fusion(&[&arguments[..], &feet].concat()).success())).unwrap();
+    let page = page(&w.fusion(&[&arguments[..], &feet].concat()).success());
     let rows = page["sections"][0]["tables"][0]["rows"].as_array().unwrap();
     let of = |rule: &str| &rows.iter().find(|row| row["cells"][0] == rule).unwrap()["cells"];
     let unit = of("unit");

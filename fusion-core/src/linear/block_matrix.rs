@@ -1,11 +1,13 @@
 //! A square block-sparse map: Φ, and changes of chart.
 
 use super::padded;
+use super::pattern::{Element, Pattern};
 use crate::memory::{Memory, Tape};
 use crate::state::{Slot, Tangent};
 use core::ops::Range;
 use fusion_kernels::{Lines, Plan, Reach};
 use nalgebra::SMatrix;
+use std::sync::Arc;
 
 /// A square block-sparse map, identity where nothing is written.
 #[derive(Clone, Debug)]
@@ -14,20 +16,8 @@ pub struct BlockMatrix {
     ld: usize,
     /// Its transpose, row by row: the kernels read Φ along columns.
     data: Lines,
-    /// Per row, the ranges of columns that may differ from the identity.
-    rows: Vec<Vec<(u16, u16)>>,
-    /// The same for the first 64 columns, a bit each: a block known already costs one test.
-    known: Vec<u64>,
-    /// Rows that have ranges, in order.
-    active: Vec<u16>,
-    /// The elements that active rows read, row after row, and where each row ends.
-    elements: Vec<Element>,
-    ends: Vec<usize>,
-    /// How the kernels go through it.
-    plan: Plan,
-    reach: Reach,
-    /// `rows` in one list, as it is remembered: row, start, end.
-    pattern: Vec<u8>,
+    /// Shared by all copies until one of them learns more: most copies are records of a step.
+    pattern: Arc<Pattern>,
     /// The blocks that a step writes.
     script: Script,
 }
@@ -71,8 +61,8 @@ impl Written {
 /// last bit.
 impl Memory for BlockMatrix {
     fn remember(&mut self, tape: &mut Tape<'_>) {
-        let Some(read) = tape.blob(&self.pattern) else { return };
-        if read == self.pattern {
+        let Some(read) = tape.blob(self.pattern.written()) else { return };
+        if read == self.pattern.written() {
             return;
         }
         let (numbers, rest) = read.as_chunks::<2>();
@@ -87,18 +77,11 @@ impl Memory for BlockMatrix {
     }
 }
 
-/// An element of an active row: where its value lies, and its column.
-#[derive(Clone, Copy, Debug)]
-struct Element {
-    at: u32,
-    column: u16,
-}
-
 impl BlockMatrix {
     /// out ← M v.
     pub(crate) fn apply(&self, v: &[f64], out: &mut [f64]) {
         out.copy_from_slice(v);
-        for (&i, elements) in self.active.iter().zip(self.elements()) {
+        for (&i, elements) in self.pattern.rows() {
             out[usize::from(i)] = elements.iter().map(|e| self.value(e) * v[usize::from(e.column)]).sum();
         }
     }
@@ -106,10 +89,10 @@ impl BlockMatrix {
     /// out ← Mᵀ v.
     pub(super) fn apply_transposed(&self, v: &[f64], out: &mut [f64]) {
         out.copy_from_slice(v);
-        for &k in &self.active {
+        for &k in self.active() {
             out[usize::from(k)] = 0.0;
         }
-        for (&k, elements) in self.active.iter().zip(self.elements()) {
+        for (&k, elements) in self.pattern.rows() {
             let factor = v[usize::from(k)];
             for element in elements {
                 out[usize::from(element.column)] += factor * self.value(element);
@@ -125,14 +108,7 @@ impl BlockMatrix {
             n,
             ld,
             data: Lines::zeros(n * ld),
-            rows: vec![Vec::new(); n],
-            known: vec![0; n],
-            active: Vec::new(),
-            elements: Vec::new(),
-            ends: Vec::new(),
-            plan: Plan::new(&vec![Vec::new(); n]),
-            reach: Reach::new(&vec![Vec::new(); n]),
-            pattern: Vec::new(),
+            pattern: Arc::new(Pattern::new(n)),
             script: Script::default(),
         };
         m.reset();
@@ -151,10 +127,10 @@ impl BlockMatrix {
     pub fn reset(&mut self) {
         self.script.is_kept = false;
         self.script.blocks.clear();
-        for element in &self.elements {
+        for element in self.pattern.elements() {
             self.data[element.at as usize] = 0.0;
         }
-        for &i in &self.active {
+        for &i in self.pattern.active() {
             self.data[i as usize * (self.ld + 1)] = 1.0;
         }
     }
@@ -250,55 +226,15 @@ impl BlockMatrix {
 
     #[inline]
     fn mark(&mut self, row: usize, col: usize, len: usize) {
-        let known = col + len <= 64 && {
-            let bits = (u64::MAX >> (64 - len)) << col;
-            self.known[row] & bits == bits
-        };
-        if !known {
+        if !self.pattern.knows(row, col, len) {
             self.learn(row, col, len);
         }
     }
 
     #[cold]
     fn learn(&mut self, row: usize, col: usize, len: usize) {
-        let ranges = &mut self.rows[row];
-        let (start, end) = (col as u16, (col + len) as u16);
-        if ranges.iter().any(|&(s, e)| s <= start && end <= e) {
-            return;
-        }
-        ranges.push((start, end));
-        ranges.sort_unstable();
-        // Merge neighbours and overlaps: one pass of contiguous columns per run.
-        let mut merged: Vec<(u16, u16)> = Vec::with_capacity(ranges.len());
-        for &(s, e) in ranges.iter() {
-            match merged.last_mut() {
-                Some(last) if s <= last.1 => last.1 = last.1.max(e),
-                _ => merged.push((s, e)),
-            }
-        }
-        *ranges = merged;
-        (start..end.min(64)).for_each(|k| self.known[row] |= 1 << k);
-        self.active = (0..self.n as u16).filter(|&i| !self.rows[usize::from(i)].is_empty()).collect();
-        self.elements.clear();
-        self.ends.clear();
-        for &i in &self.active {
-            let ranges = &self.rows[usize::from(i)];
-            let listed = ranges.iter().flat_map(|&(start, end)| start..end);
-            // The diagonal element of the identity comes last if it is not in a range.
-            let own = (!ranges.iter().any(|&(start, end)| start <= i && i < end)).then_some(i);
-            let element = |column: u16| Element {
-                at: u32::from(column) * self.ld as u32 + u32::from(i),
-                column,
-            };
-            self.elements.extend(listed.chain(own).map(element));
-            self.ends.push(self.elements.len());
-        }
-        self.plan = Plan::new(&self.rows);
-        self.reach = Reach::new(&self.rows);
-        self.pattern.clear();
-        for (&i, ranges) in self.active.iter().map(|i| (i, &self.rows[usize::from(*i)])) {
-            let numbers = ranges.iter().flat_map(|&(start, end)| [i, start, end]);
-            self.pattern.extend(numbers.flat_map(u16::to_le_bytes));
+        if !self.pattern.has(row, col, len) {
+            Arc::make_mut(&mut self.pattern).learn(row, col, len);
         }
     }
 
@@ -318,12 +254,12 @@ impl BlockMatrix {
 
     /// The ranges of columns that row `i` may read in addition to the identity.
     pub(crate) fn ranges(&self, i: usize) -> &[(u16, u16)] {
-        &self.rows[i]
+        self.pattern.ranges(i)
     }
 
     /// The elements that differ from the identity: row, column, difference.
     pub fn changes(&self) -> impl Iterator<Item = (u16, u16, f64)> {
-        let rows = self.active.iter().zip(self.elements());
+        let rows = self.pattern.rows();
         rows.flat_map(move |(&i, elements)| {
             elements.iter().filter_map(move |element| {
                 let change = self.value(element) - f64::from(u8::from(element.column == i));
@@ -334,27 +270,17 @@ impl BlockMatrix {
 
     /// Rows that may differ from the identity, in order.
     pub(crate) fn active(&self) -> &[u16] {
-        &self.active
+        self.pattern.active()
     }
 
     /// Its transpose in padded rows, and how the kernels go through it.
     pub(crate) fn transposed(&self) -> (&[f64], &Plan) {
-        (&self.data, &self.plan)
+        (&self.data, self.pattern.plan())
     }
 
     /// The same, and how the kernels go through it with a factor.
     pub(crate) fn reached(&self) -> (&[f64], &Reach) {
-        (&self.data, &self.reach)
-    }
-
-    /// The elements that active rows read, row by row.
-    fn elements(&self) -> impl Iterator<Item = &[Element]> {
-        let mut start = 0;
-        self.ends.iter().map(move |&end| {
-            let row = &self.elements[start..end];
-            start = end;
-            row
-        })
+        (&self.data, self.pattern.reach())
     }
 
     /// The value of an element.
@@ -422,7 +348,7 @@ mod tests {
             assert_eq!(usize::from(e.column), e.at as usize / m.ld);
             (e.at as usize % m.ld, e.at as usize / m.ld)
         };
-        let read: Vec<Vec<_>> = m.elements().map(|row| row.iter().map(place).collect()).collect();
+        let read: Vec<Vec<_>> = m.pattern.rows().map(|(_, row)| row.iter().map(place).collect()).collect();
         let wanted = [
             &[(0, 3), (0, 4), (0, 5), (0, 0)][..],
             &[(1, 3), (1, 4), (1, 5), (1, 1)],

@@ -5,6 +5,7 @@
 
 mod block_matrix;
 mod jacobian;
+mod pattern;
 mod transition;
 
 pub use block_matrix::BlockMatrix;

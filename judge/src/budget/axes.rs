@@ -1,7 +1,7 @@
 //! The axes of the state for which errors are split.
 
 use super::spread::Spread;
-use super::world::World;
+use super::world::{Source, World};
 use fusion_core::belief::Belief;
 use fusion_core::geometry::so3;
 use fusion_core::state::{Attitude, AxisUnit, Block, Kind, Layout, Manifold};
@@ -63,25 +63,25 @@ impl Axis {
         a.iter().map(of).sum()
     }
 
-    /// The variance that a source brings into the error along `a`. The errors that the axis estimates are its truth, so
+    /// The variance that each source brings into the error along `a`. The errors that the axis estimates are its truth, so
     /// they count with the opposite sign.
-    pub(super) fn variance(&self, source: usize, a: &[(usize, f64)], world: &World, spread: &Spread) -> f64 {
-        let own = world.errors.iter().enumerate().filter(|(_, error)| error.source == source);
-        let Some(block) = world.sources[source].block else {
-            let of = |(number, _): (usize, _)| {
-                let (response, t) = spread.along(number, a);
-                let is_truth = self.truth.contains(&number);
-                let left = response - f64::from(u8::from(is_truth));
-                left * left * t
-            };
-            return own.map(of).sum();
-        };
-        let truth = own.filter(|(number, _)| self.truth.contains(number));
-        let known = truth.map(|(number, _)| {
-            let (c, t) = spread.along(number, a);
-            t - 2.0 * c
-        });
-        spread.variance(block, a) + known.sum::<f64>()
+    pub(super) fn variances(&self, a: &[(usize, f64)], world: &World, spread: &Spread) -> Vec<f64> {
+        let of = |source: &Source| source.block.map_or(0.0, |block| spread.variance(block, a));
+        let mut variances: Vec<f64> = world.sources.iter().map(of).collect();
+        for (number, error) in world.errors.iter().enumerate() {
+            let is_truth = self.truth.contains(&number);
+            let is_drawn_once = world.sources[error.source].block.is_none();
+            if is_drawn_once || is_truth {
+                let (c, t) = spread.along(number, a);
+                variances[error.source] += if is_drawn_once {
+                    let left = c - f64::from(u8::from(is_truth));
+                    left * left * t
+                } else {
+                    t - 2.0 * c
+                };
+            }
+        }
+        variances
     }
 }
 

@@ -3,6 +3,7 @@
 use super::axes::Axis;
 use super::input::ByInput;
 use super::result::{Course, SensorRows, Split, StateBudget};
+use super::segment::Segment;
 use super::spread::Spread;
 use super::world::{Acts, Ages, World};
 use fusion::assembly::Assembly;
@@ -31,6 +32,8 @@ pub(super) struct Follower<'a> {
     gravity: fusion_models::earth::Gravity,
     models: Vec<Arc<dyn Measurement>>,
     spread: Spread,
+    /// The steps that `spread` does not have yet.
+    segment: Segment,
     by_input: ByInput,
     /// The numbers of the input that have errors, each with its errors.
     channels: BTreeMap<usize, Vec<usize>>,
@@ -78,11 +81,13 @@ impl<'a> Follower<'a> {
             }
         }
         let axes = Axis::all(&layout, &world);
+        let spread = Spread::new(layout.dim(), world.blocks, &errors);
         Self {
             design,
             gravity: assembly.gravity,
             models: assembly.sensors.iter().map(|info| info.model.clone()).collect(),
-            spread: Spread::new(layout.dim(), world.blocks, &errors),
+            segment: Segment::new(&spread),
+            spread,
             by_input: ByInput::new(&layout, &assembly.process),
             channels,
             rows,
@@ -117,6 +122,7 @@ impl<'a> Follower<'a> {
 
     /// The filter starts, or starts again.
     fn started(&mut self, belief: &Belief) -> Result<(), Halt> {
+        self.segment.end(&mut self.spread);
         let kinematic = |b: &&Block| b.role == fusion_core::state::StateRole::Kinematic;
         for block in self.layout.blocks().iter().filter(kinematic) {
             self.spread.forget(block.tangent_range());
@@ -191,30 +197,31 @@ impl<'a> Follower<'a> {
         if is_driven {
             self.sampled(&input, dt);
         }
-        let labels = (input.interval <= 0.0).then_some(self.world.gaps).flatten();
-        let label = |axis: usize| self.world.process[axis].or(labels);
-        let is_own = |axis: usize| self.world.moved.iter().any(|m| m.axis == axis);
-        let noise = |i: usize, j: usize| (!is_own(i)).then(|| label(i).filter(|own| Some(*own) == label(j))).flatten();
-        for (i, j, value) in transition.noise_before() {
-            if let Some(own) = noise(i, j) {
-                self.spread.add(own, i, j, value);
-            }
+        let (world, segment) = (&self.world, &mut self.segment);
+        let gaps = (input.interval <= 0.0).then_some(world.gaps).flatten();
+        let label = |axis: usize| world.process[axis].or(gaps);
+        let is_own = |axis: usize| world.moved.iter().any(|m| m.axis == axis);
+        let owner = |i: usize, j: usize| label(i).filter(|own| !is_own(i) && Some(*own) == label(j));
+        let owned = |(i, j, value)| Some((owner(i, j)?, i, j, value));
+        for (own, i, j, value) in transition.noise_before().filter_map(owned) {
+            segment.add(own, i, j, value);
         }
-        let changes: Vec<_> = transition.phi.changes().collect();
-        self.spread.carry(&changes);
-        for (i, j, value) in transition.noise_after() {
-            if let Some(own) = noise(i, j) {
-                self.spread.add(own, i, j, value);
-            }
+        segment.carry(transition.phi.changes());
+        for (own, i, j, value) in transition.noise_after().filter_map(owned) {
+            segment.add(own, i, j, value);
         }
-        for moved in &self.world.moved {
-            self.spread.add(moved.block, moved.axis, moved.axis, fresh(moved.ages, dt).1);
+        for moved in &world.moved {
+            segment.add(moved.block, moved.axis, moved.axis, fresh(moved.ages, dt).1);
         }
         if is_driven {
-            self.driven(prior, (&input, dt), &changes);
+            self.driven(prior, (&input, dt), transition);
         }
-        if dt == 0.0 {
+        if dt == 0.0 && self.world.found.is_some() {
+            self.segment.end(&mut self.spread);
             self.add_found(posterior, |axis| transition.phi.get(axis, axis) == 0.0);
+        }
+        if self.segment.is_long() {
+            self.segment.end(&mut self.spread);
         }
     }
 
@@ -226,32 +233,29 @@ impl<'a> Follower<'a> {
             self.rest = input.interval;
             for number in self.channels.values().flatten() {
                 let (decay, fresh) = match self.world.errors[*number].ages {
+                    Ages::Constant(_) => continue,
                     Ages::White(density) => (0.0, density * density / input.interval),
                     ages => fresh(ages, input.interval),
                 };
-                self.spread.age(*number, decay, fresh);
+                self.segment.age(*number, decay, fresh);
             }
         }
         self.rest -= dt;
     }
 
     /// The errors of the input act on the state. Where the filter estimates the bias of a number, Φ has the response to it.
-    fn driven(&mut self, prior: &Belief, (input, dt): (&Input<'_>, f64), changes: &[(u16, u16, f64)]) {
-        let (mut response, mut l) = (vec![0.0; self.layout.dim()], vec![0.0; self.layout.dim()]);
+    fn driven(&mut self, prior: &Belief, (input, dt): (&Input<'_>, f64), transition: &Transition) {
+        let mut response = vec![0.0; self.layout.dim()];
         for (channel, errors) in &self.channels {
             match self.bias_of(*channel) {
                 Some(bias) => {
-                    response.fill(0.0);
-                    let own = changes.iter().filter(|(i, j, _)| usize::from(*j) == bias && i != j);
-                    own.for_each(|(i, _, by)| response[usize::from(*i)] = -by);
+                    let by = |i: usize| if i == bias { 0.0 } else { -transition.phi.get(i, bias) };
+                    response.iter_mut().enumerate().for_each(|(i, response)| *response = by(i));
                 }
                 None => self.by_input.of_step(&prior.x, input, dt, *channel, &mut response),
             }
-            for number in errors {
-                let by = times(&self.world, *number, input);
-                l.iter_mut().zip(&response).for_each(|(l, r)| *l = r * by);
-                self.spread.act(*number, &l);
-            }
+            let factors = errors.iter().map(|number| (*number, times(&self.world, *number, input)));
+            self.segment.act(&response, factors);
         }
     }
 
@@ -272,6 +276,7 @@ impl<'a> Follower<'a> {
         else {
             return;
         };
+        self.segment.end(&mut self.spread);
         let (n, m) = (self.layout.dim(), jacobian.rows());
         let h: Vec<f64> = (0..m).flat_map(|row| jacobian.row(row)[..n].iter().copied()).collect();
         self.spread.correct(&h, gain);
@@ -371,16 +376,16 @@ impl<'a> Follower<'a> {
 
     /// The shares at an estimate.
     fn estimate(&mut self, belief: &Belief) {
+        self.segment.end(&mut self.spread);
         let from = self.design.reference.as_ref().and_then(|r| r.block.from);
         let (time, counts) = (belief.time.seconds(), from.is_none_or(|from| belief.time.seconds() >= from.si()));
         let due = self.states.first().map_or(0, |s| s.at.len());
         let is_due = self.at.get(due).is_some_and(|at| time >= *at);
         for (axis, sums) in self.axes.iter().zip(&mut self.states) {
             let a = axis.along(&belief.x);
-            let variances = (0..self.world.sources.len()).map(|source| axis.variance(source, &a, &self.world, &self.spread));
             sums.end = Split {
                 time,
-                variances: variances.collect(),
+                variances: axis.variances(&a, &self.world, &self.spread),
                 filter: axis.reported(&a, belief),
             };
             if counts {

@@ -17,7 +17,8 @@
 //!            says so: sensors that read stages or ships, the noise of a process that time alone drives, a gap of the
 //!            input
 //! Not here   what is not linear: faults that change numbers, resolution; each is named in [`Budget::outside`]
-//! Cost       one run, and one pass over its steps for all sources together
+//! Cost       about two runs in addition to the run itself: the steps between two corrections are taken as one, for all
+//!            sources together
 //! Source     Brown and Hwang 2012, §5.6 (suboptimal error analysis); Maybeck 1979, §6.8 (truth model, error budget)
 //!
 //! ```
@@ -36,6 +37,7 @@ mod chart;
 mod follower;
 mod input;
 mod result;
+mod segment;
 mod spread;
 #[cfg(test)]
 mod tests;

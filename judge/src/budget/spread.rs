@@ -55,6 +55,26 @@ impl Spread {
         }
     }
 
+    /// The axes of e.
+    pub(super) const fn dim(&self) -> usize {
+        self.n
+    }
+
+    /// Covariances X.
+    pub(super) const fn blocks(&self) -> usize {
+        self.blocks
+    }
+
+    /// Errors t.
+    pub(super) fn errors(&self) -> usize {
+        self.owners.len()
+    }
+
+    /// The X of an error; `None` for an error that is drawn once.
+    pub(super) fn owner(&self, error: usize) -> Option<usize> {
+        self.owners[error]
+    }
+
     /// e ← (I + D) e, D given by its elements, row by row.
     pub(super) fn carry(&mut self, changes: &[(u16, u16, f64)]) {
         let (n, s) = (self.n, self.blocks);
@@ -63,9 +83,7 @@ impl Spread {
             let width = x.len() / n;
             z.fill(0.0);
             for (z, row) in z.chunks_exact_mut(width.max(1)).zip(&rows) {
-                for &(_, j, by) in *row {
-                    axpy(by, part(x, j.into(), width), z);
-                }
+                combine(row, x, width, z);
             }
             for (z, row) in z.chunks_exact(width.max(1)).zip(&rows) {
                 axpy(1.0, z, part_mut(x, row[0].0.into(), width));
@@ -81,7 +99,7 @@ impl Spread {
             (0..n).for_each(|a| axpy(1.0, part(z, a, s), part_mut(&mut self.x, a * n + i, s)));
             for changed in rows.iter().take_while(|changed| changed[0].0 <= row[0].0) {
                 let to = part_mut(&mut self.x, i * n + usize::from(changed[0].0), s);
-                changed.iter().for_each(|&(_, j, by)| axpy(by, part(z, j.into(), s), to));
+                combine(changed, z, s, to);
             }
         }
         for (k, row) in rows.iter().enumerate() {
@@ -171,6 +189,27 @@ impl Spread {
         self.variances[error] = a * a * self.variances[error] + fresh;
     }
 
+    /// Noise that moved e and the error moved both: their covariance.
+    pub(super) fn covary(&mut self, error: usize, with: &[f64]) {
+        let own = self.columns.iter_mut().skip(error).step_by(self.width);
+        own.zip(with).for_each(|(c, with)| *c += with);
+    }
+
+    /// Adds white noise to e: a covariance for each X, in rows of `ld` numbers, read from its diagonal on.
+    pub(super) fn add_all(&mut self, noise: &[f64], ld: usize) {
+        let n = self.n;
+        for (block, noise) in noise.chunks_exact(n * ld).enumerate() {
+            for (i, row) in noise.chunks_exact(ld).enumerate() {
+                for (j, value) in row[..n].iter().enumerate().skip(i).filter(|(_, value)| **value != 0.0) {
+                    self.add(block, i, j, *value);
+                    if i != j {
+                        self.add(block, j, i, *value);
+                    }
+                }
+            }
+        }
+    }
+
     /// Adds white noise to e: an element of its covariance.
     pub(super) fn add(&mut self, block: usize, i: usize, j: usize, value: f64) {
         self.x[(i * self.n + j) * self.blocks + block] += value;
@@ -200,22 +239,35 @@ impl Spread {
     }
 }
 
-/// Numbers in a group: short loops over whole groups need no remainder.
-const LANES: usize = 4;
+/// Rows are multiples of this: short loops over them need no remainder.
+pub(super) const LANES: usize = 4;
 
-/// y ← y + a x, of whole groups.
-fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
-    let groups = y.as_chunks_mut::<LANES>().0.iter_mut().zip(x.as_chunks::<LANES>().0);
-    for (y, x) in groups {
-        (0..LANES).for_each(|k| y[k] += a * x[k]);
+/// y ← y + a x.
+#[inline]
+pub(super) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
+    y.iter_mut().zip(x).for_each(|(y, x)| *y += a * x);
+}
+
+/// y ← y + D x for one row of D.
+#[inline]
+fn combine(row: &[(u16, u16, f64)], x: &[f64], width: usize, y: &mut [f64]) {
+    // Four at a time: each number of y is then read and written less often.
+    let (fours, rest) = row.as_chunks::<4>();
+    for four in fours {
+        let a = four.map(|(.., by)| by);
+        let [x0, x1, x2, x3] = four.map(|(_, j, _)| part(x, j.into(), width));
+        let x = x0.iter().zip(x1).zip(x2.iter().zip(x3));
+        let sums = x.map(|((x0, x1), (x2, x3))| (a[0] * x0 + a[1] * x1) + (a[2] * x2 + a[3] * x3));
+        y.iter_mut().zip(sums).for_each(|(y, sum)| *y += sum);
     }
+    rest.iter().for_each(|&(_, j, by)| axpy(by, part(x, j.into(), width), y));
 }
 
 /// The row `row` of a matrix of this width.
-fn part(x: &[f64], row: usize, width: usize) -> &[f64] {
+pub(super) fn part(x: &[f64], row: usize, width: usize) -> &[f64] {
     &x[row * width..(row + 1) * width]
 }
 
-fn part_mut(x: &mut [f64], row: usize, width: usize) -> &mut [f64] {
+pub(super) fn part_mut(x: &mut [f64], row: usize, width: usize) -> &mut [f64] {
     &mut x[row * width..(row + 1) * width]
 }

@@ -1,5 +1,6 @@
 //! The arithmetic of the budget against a recursion over one covariance of everything.
 
+mod augmented;
 mod seeds;
 
 use super::spread::Spread;

@@ -226,7 +226,8 @@ impl World {
             }
             number += read.width;
         }
-        let is_faulty = simulation.block.faults.iter().any(|(stream, _)| UNITS.contains(&stream.as_str()));
+        let of_unit = |(stream, faults): &(String, Vec<_>)| UNITS.contains(&stream.as_str()) && !faults.is_empty();
+        let is_faulty = simulation.block.faults.iter().any(of_unit);
         if channels.is_empty() {
             self.time_driven(assembly);
         } else if is_faulty {
@@ -370,13 +371,19 @@ impl World {
                 }
             }
         }
+        let of_vehicle = layout
+            .blocks()
+            .iter()
+            .filter_map(|block| Some((block.clone(), vec![world.true_slip(block)?])));
+        self.given.extend(of_vehicle);
         let read_elsewhere = |block: &Block| {
             let own = assembly.sensors.iter().find(|info| info.name == block.owner);
             own.is_some_and(|info| !info.channels.is_empty() && !world.sensor.contains_key(&info.name))
         };
         let is_left = |block: &&Block| {
             let is_of_instrument = self.of_instruments.iter().any(|b| b.name == block.name);
-            block.role != StateRole::Kinematic && !is_of_instrument && !read_elsewhere(block)
+            let is_known = is_of_instrument || world.true_slip(block).is_some() || read_elsewhere(block);
+            block.role != StateRole::Kinematic && !is_known
         };
         let blocks: Vec<Block> = layout.blocks().iter().filter(is_left).cloned().collect();
         for block in blocks.iter().filter(|_| world.draw_parameters) {
@@ -432,6 +439,10 @@ impl World {
             self.outside.extend(changing.map(|(name, _)| {
                 format!("what the fault `{name}` of `{stream}` does to numbers and stamps: only rows that are missing count")
             }));
+        }
+        if world.vehicle.as_ref().is_some_and(|vehicle| vehicle.0.mean_slip().is_some()) {
+            self.outside
+                .push("changes of the slip of the tracks, which the declared noise of their sensor has to cover".to_owned());
         }
         if world.ships().next().is_some() {
             self.outside

@@ -17,8 +17,9 @@ use crate::block::{BuildError, Channel, NestedBlock};
 use crate::earth::Gravity;
 use crate::registry::{self, Role};
 use crate::units::{NonNegative, Positive, Quantity, Vec3Of, dim};
-use crate::vocabulary::channel;
+use crate::vocabulary::{channel, parameter};
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::state::{Block, Kind};
 use nalgebra::Vector3;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
@@ -119,6 +120,14 @@ impl StartSpec {
 }
 
 impl SimulationSpec {
+    /// The true value of a block that estimates the slip of the vehicle's tracks; `None` for any other block.
+    #[must_use]
+    pub fn true_slip(&self, block: &Block) -> Option<f64> {
+        let name = block.name.rsplit_once('.').map(|(_, name)| name);
+        let is_slip = name == Some(parameter::SLIP) && block.kind == Kind::Scalar;
+        self.vehicle.as_ref().filter(|_| is_slip).and_then(|vehicle| vehicle.0.mean_slip())
+    }
+
     /// The trajectory in local north-east-down.
     ///
     /// # Errors

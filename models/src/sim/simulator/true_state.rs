@@ -182,12 +182,6 @@ fn is_current(block: &Block) -> bool {
     name == Some(parameter::CURRENT) && block.kind == Kind::Vector(3)
 }
 
-/// Whether the block is the slip of the tracks, as a sensor of their speeds estimates it.
-fn is_slip(block: &Block) -> bool {
-    let name = block.name.rsplit_once('.').map(|(_, name)| name);
-    name == Some(parameter::SLIP) && block.kind == Kind::Scalar
-}
-
 /// The rate of the heading \[rad/s\].
 fn yaw_rate(truth: &Truth, gravity: Gravity) -> f64 {
     let nav = &truth.nav;
@@ -232,7 +226,6 @@ impl TrueState {
         let (mut known, mut currents, mut parameters, mut undrawn) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let mut ships = Vec::new();
         let sea = spec.sea.as_ref().filter(|sea| sea.has_current());
-        let slip = spec.vehicle.as_ref().and_then(|vehicle| vehicle.0.mean_slip());
         let is_of_others = |block: &str| {
             block
                 .split_once('.')
@@ -247,7 +240,7 @@ impl TrueState {
                 ships.push((Ship::new(ship, platform, setup.origin, seed), pose));
             } else if sea.is_some() && is_current(block) {
                 currents.push(block.storage_range());
-            } else if let Some(slip) = slip.filter(|_| is_slip(block)) {
+            } else if let Some(slip) = spec.true_slip(block) {
                 x[block.storage_range()].fill(slip);
             } else if spec.draw_parameters && !is_of_others(&block.name) {
                 let mut random = Random::new(seed, &format!("state/{}", block.name));
