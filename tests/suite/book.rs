@@ -37,6 +37,7 @@ chapters! {
     about_the_book: "README.md",
     a_first_filter: "first-filter.md",
     logs: "logs.md",
+    formats: "formats.md",
     inspecting: "inspecting.md",
     simulation: "simulation.md",
     designs: "designs.md",
