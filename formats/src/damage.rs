@@ -21,7 +21,11 @@ impl Damage {
     /// The end of the file, with a report of its damage, once.
     pub(crate) fn reported<T>(&mut self) -> Result<Option<T>, Broken> {
         match core::mem::take(self) {
-            Self { first: Some(first), places, bytes } => {
+            Self {
+                first: Some(first),
+                places,
+                bytes,
+            } => {
                 let message = format!("{places} places are damaged, the first after byte {first}: {bytes} bytes were skipped");
                 Err(Broken { at: None, message })
             }

@@ -53,8 +53,13 @@ impl All {
     /// The finite numbers of a topic: how many, and the sum of their asinh.
     pub(crate) fn sum(&self, topic: &str) -> (usize, f64) {
         let rows = self.rows(topic);
-        let numbers = rows.iter().flat_map(|row| row.split(' ')).filter_map(|cell| cell.parse::<f64>().ok());
-        numbers.filter(|x| x.is_finite()).fold((0, 0.0), |(count, sum), x| (count + 1, sum + x.asinh()))
+        let numbers = rows
+            .iter()
+            .flat_map(|row| row.split(' '))
+            .filter_map(|cell| cell.parse::<f64>().ok());
+        numbers
+            .filter(|x| x.is_finite())
+            .fold((0, 0.0), |(count, sum), x| (count + 1, sum + x.asinh()))
     }
 }
 
@@ -88,7 +93,8 @@ pub(crate) fn read_file<R: MessageReader>(path: &Path) -> Result<All, SourceErro
         }
     }
     for topic in 0..reader.topics().len() {
-        all.labels.extend((0..reader.columns(topic).len()).filter_map(|column| reader.label(topic, column)));
+        all.labels
+            .extend((0..reader.columns(topic).len()).filter_map(|column| reader.label(topic, column)));
     }
     all.remarks = reader.remarks();
     Ok(all)
@@ -119,7 +125,8 @@ pub(crate) fn survives_damage<R: MessageReader>(name: &str, sound: &[u8]) {
 
 /// The real log of this name, if it is there.
 pub(crate) fn real(name: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("FUSION_DATA").map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
+    let data =
+        std::env::var_os("FUSION_DATA").map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
     let path = data.join("binary_logs").join(name);
     if !path.exists() {
         println!("skipped: {} is not there", path.display());

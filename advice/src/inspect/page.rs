@@ -62,7 +62,11 @@ impl Inspection {
         let read = |k: usize, column: usize| design.as_ref().is_some_and(|(_, read)| read.contains(&(k, column)));
         for (k, log) in self.logs.iter().enumerate() {
             if log.table.role == Role::Other {
-                t.row([log.name(), "all".to_owned(), "no measurements, by the type of the messages".to_owned()]);
+                t.row([
+                    log.name(),
+                    "all".to_owned(),
+                    "no measurements, by the type of the messages".to_owned(),
+                ]);
                 continue;
             }
             let stamps = log.clock.as_ref().map_or_else(Vec::new, |c| c.columns(&log.table));

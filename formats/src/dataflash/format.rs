@@ -219,7 +219,9 @@ fn add(letter: Letter, bytes: &[u8], cells: &mut Cells) {
         Letter::F64 => cells.number(f64::from_le_bytes(of(bytes))),
         Letter::Parts(whole, parts) => cells.number(whole.of(bytes) / parts),
         Letter::Text(_) => cells.text(text(bytes)),
-        Letter::Array => bytes.chunks_exact(2).for_each(|pair| cells.integer(i16::from_le_bytes(of(pair)).into())),
+        Letter::Array => bytes
+            .chunks_exact(2)
+            .for_each(|pair| cells.integer(i16::from_le_bytes(of(pair)).into())),
     }
 }
 

@@ -19,13 +19,28 @@ fn format(kind: u8, length: u8, name: &str, letters: &str, columns: &str) -> Vec
 }
 
 fn imu(stamp: u64, instance: u8, x: f32) -> Vec<u8> {
-    message(140, &[&stamp.to_le_bytes(), &[instance], &x.to_le_bytes(), &(-250_i16).to_le_bytes()])
+    message(
+        140,
+        &[&stamp.to_le_bytes(), &[instance], &x.to_le_bytes(), &(-250_i16).to_le_bytes()],
+    )
 }
 
 fn definitions() -> Vec<u8> {
-    let units = [(b'E', "rad/s"), (b'G', "Gauss"), (b'#', "instance"), (b'U', "deglongitude"), (b's', "s")];
+    let units = [
+        (b'E', "rad/s"),
+        (b'G', "Gauss"),
+        (b'#', "instance"),
+        (b'U', "deglongitude"),
+        (b's', "s"),
+    ];
     let unit = |(letter, name): (u8, &str)| message(129, &[&[0; 8], &[letter], &text(name, 64)]);
-    let multipliers = [(b'C', 1e-3_f64), (b'F', f64::from(1e-6_f32)), (b'0', 1.0), (b'-', 0.0), (b'G', 1e-7)];
+    let multipliers = [
+        (b'C', 1e-3_f64),
+        (b'F', f64::from(1e-6_f32)),
+        (b'0', 1.0),
+        (b'-', 0.0),
+        (b'G', 1e-7),
+    ];
     let multiplier = |(letter, size): (u8, f64)| message(131, &[&[0; 8], &[letter], &size.to_le_bytes()]);
     let of = |kind: u8, units: &str, multipliers: &str| message(130, &[&[0; 8], &[kind], &text(units, 16), &text(multipliers, 16)]);
     [
@@ -47,7 +62,13 @@ fn test(stamp: u64) -> Vec<u8> {
     let data: Vec<u8> = (0..32_i16).flat_map(i16::to_le_bytes).collect();
     // −2.5 as a number of 16 bits.
     let half = 0xc100_u16.to_le_bytes();
-    let numbers: [&[u8]; 5] = [&85_000_000_i32.to_le_bytes(), &stamp.to_le_bytes(), &(-1234_i16).to_le_bytes(), &half, &[4]];
+    let numbers: [&[u8]; 5] = [
+        &85_000_000_i32.to_le_bytes(),
+        &stamp.to_le_bytes(),
+        &(-1234_i16).to_le_bytes(),
+        &half,
+        &[4],
+    ];
     message(141, &[&numbers.concat(), b"ab\0\0", &data, &[0; 13]])
 }
 
@@ -61,8 +82,21 @@ fn instances_are_topics_and_columns_have_the_units_of_the_log() {
     assert_eq!(all.rows("IMU"), ["1000 0 0.5 -250", "2000 0 -0.5 -250"]);
     assert_eq!(all.rows("IMU[1]"), ["1001 1 0.75 -250"]);
     assert_eq!(all.columns("TST")[..7], ["TimeUS", "Lng", "c", "half", "Mode", "n", "Data[0]"]);
-    assert!(all.rows("TST")[0].starts_with("1500 8.5 -12.34 -2.5 4 ab 0 1 2"), "{:?}", all.rows("TST"));
-    let labels = ["TimeUS [us]", "GyrX [rad/s]", "MagX [mgauss]", "TimeUS [us]", "GyrX [rad/s]", "MagX [mgauss]", "TimeUS [us]", "Lng [deg]"];
+    assert!(
+        all.rows("TST")[0].starts_with("1500 8.5 -12.34 -2.5 4 ab 0 1 2"),
+        "{:?}",
+        all.rows("TST")
+    );
+    let labels = [
+        "TimeUS [us]",
+        "GyrX [rad/s]",
+        "MagX [mgauss]",
+        "TimeUS [us]",
+        "GyrX [rad/s]",
+        "MagX [mgauss]",
+        "TimeUS [us]",
+        "Lng [deg]",
+    ];
     assert_eq!(all.labels, labels);
     assert_eq!(all.broken, None);
 }
@@ -89,7 +123,11 @@ fn a_log_that_is_cut_off_has_all_messages_before_the_cut() {
 
 #[test]
 fn a_format_that_contradicts_itself_is_damage() {
-    for wrong in [format(150, 3, "BAD", "Q", "TimeUS"), format(150, 8, "BAD", "?", "TimeUS"), format(140, 8, "IMU", "Q", "TimeUS")] {
+    for wrong in [
+        format(150, 3, "BAD", "Q", "TimeUS"),
+        format(150, 8, "BAD", "?", "TimeUS"),
+        format(140, 8, "IMU", "Q", "TimeUS"),
+    ] {
         let log = [log(), wrong, imu(3000, 0, 1.0)].concat();
         let all = read::<Dataflash>("format.bin", &log).unwrap();
         assert_eq!(all.rows("IMU").len(), 3);

@@ -1,8 +1,8 @@
 //! The stamps of sentences: the time of day of a sentence, and the date of the newest one.
 
 use super::sentence::Sentence;
-use fusion::source::table::gps_of_unix;
 use fusion::core::math;
+use fusion::source::table::gps_of_unix;
 
 const SECOND: i64 = 1_000_000_000;
 const DAY: i64 = 86_400 * SECOND;

@@ -6,9 +6,15 @@ use crate::messages::Cells;
 /// The columns of a type of sentences, with the names of `pynmeagps`. A column is a number, unless it is one of
 /// [`TEXTS`]; the unit is after a colon. A latitude and a longitude take their sign from the next field.
 const KINDS: [(&str, &str); 20] = [
-    ("GGA", "utc lat:deg NS lon:deg EW quality numSV HDOP alt:m altUnit sep:m sepUnit diffAge:s diffStation"),
+    (
+        "GGA",
+        "utc lat:deg NS lon:deg EW quality numSV HDOP alt:m altUnit sep:m sepUnit diffAge:s diffStation",
+    ),
     ("GLL", "lat:deg NS lon:deg EW utc status posMode"),
-    ("GNS", "utc lat:deg NS lon:deg EW posMode numSV HDOP alt:m sep:m diffAge:s diffStation navStatus"),
+    (
+        "GNS",
+        "utc lat:deg NS lon:deg EW posMode numSV HDOP alt:m sep:m diffAge:s diffStation navStatus",
+    ),
     (
         "GSA",
         "opMode navMode svid_01 svid_02 svid_03 svid_04 svid_05 svid_06 svid_07 svid_08 svid_09 svid_10 svid_11 svid_12 PDOP HDOP VDOP systemId",
@@ -17,9 +23,15 @@ const KINDS: [(&str, &str); 20] = [
     ("HDT", "headingT:deg headingTu"),
     ("HDM", "headingM:deg headingMag"),
     ("HDG", "headingM:deg deviation:deg deviationEW variation:deg variationEW"),
-    ("RMC", "utc status lat:deg NS lon:deg EW spd:kn cog:deg date mv:deg mvEW posMode navStatus"),
+    (
+        "RMC",
+        "utc status lat:deg NS lon:deg EW spd:kn cog:deg date mv:deg mvEW posMode navStatus",
+    ),
     ("THS", "headt:deg mi"),
-    ("VTG", "cogt:deg cogtUnit cogm:deg cogmUnit sogn:kn sognUnit sogk:km/h sogkUnit posMode"),
+    (
+        "VTG",
+        "cogt:deg cogtUnit cogm:deg cogmUnit sogn:kn sognUnit sogk:km/h sogkUnit posMode",
+    ),
     ("ZDA", "utc day month year ltzh ltzn"),
     ("ROT", "rot:deg/min valid"),
     (
@@ -162,7 +174,7 @@ fn number(field: &[u8]) -> Option<f64> {
 /// An angle \[deg\] of degrees and minutes, negative in the south and in the west.
 fn angle(field: &[u8], side: &[u8]) -> Option<f64> {
     let point = field.iter().position(|byte| *byte == b'.').unwrap_or(field.len());
-    // The minutes have two digits before the point; of a small angle both may be missing with the degrees.
+    // The minutes have two digits before the point; a small angle may lack the degrees.
     let (degrees, minutes) = field.split_at(point.saturating_sub(2));
     let degrees = if degrees.is_empty() { 0.0 } else { number(degrees)? };
     let minutes = number(minutes).filter(|minutes| (0.0..60.0).contains(minutes))?;

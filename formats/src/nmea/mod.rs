@@ -126,6 +126,17 @@ impl Nmea {
     }
 }
 
+/// The role of an address. Wind, satellites and texts are not measured motion.
+pub(crate) fn role(address: &str) -> Role {
+    const MEASUREMENTS: [&str; 15] = [
+        "GGA", "GLL", "GNS", "GST", "RMC", "VTG", "HDT", "HDM", "HDG", "THS", "ROT", "VBW", "VHW", "DPT", "DBT",
+    ];
+    match Sentence::kind(address) {
+        kind if MEASUREMENTS.contains(&kind) => Role::Measurement,
+        _ => Role::Other,
+    }
+}
+
 /// The topic of an address.
 pub(crate) fn topic(address: &str) -> Topic {
     Topic {
@@ -164,7 +175,12 @@ impl MessageReader for Nmea {
             if let Some(topic) = self.topic(from, length) {
                 let sentence = Sentence::of(&self.stream.ahead()[from..length]).ok();
                 let stamp = sentence.and_then(|sentence| self.clock.stamp(&sentence));
-                self.current = Some(Current { topic, from, length, stamp });
+                self.current = Some(Current {
+                    topic,
+                    from,
+                    length,
+                    stamp,
+                });
                 return Ok(Some(topic));
             }
             self.stream.consume(length);
@@ -185,8 +201,8 @@ impl MessageReader for Nmea {
         self.columns[topic].label(column)
     }
 
-    fn role(&self, _topic: usize) -> Role {
-        Role::Measurement
+    fn role(&self, topic: usize) -> Role {
+        role(&self.topics[topic].name)
     }
 
     fn remarks(&self) -> Vec<String> {
@@ -196,7 +212,13 @@ impl MessageReader for Nmea {
     }
 
     fn decode(&mut self, cells: &mut Cells) -> Result<(), String> {
-        let Some(Current { topic, from, length, stamp }) = self.current else {
+        let Some(Current {
+            topic,
+            from,
+            length,
+            stamp,
+        }) = self.current
+        else {
             return Ok(());
         };
         let sentence = Sentence::of(&self.stream.ahead()[from..length])?;

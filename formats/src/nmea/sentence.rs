@@ -26,7 +26,9 @@ impl<'a> Sentence<'a> {
         let end = line.iter().rposition(|byte| *byte == b'*').ok_or("it has no checksum")?;
         let body = &line[1..end];
         let told = line.get(end + 1..end + 3).and_then(|digits| core::str::from_utf8(digits).ok());
-        let told = told.and_then(|digits| u8::from_str_radix(digits, 16).ok()).ok_or("its checksum is no number")?;
+        let told = told
+            .and_then(|digits| u8::from_str_radix(digits, 16).ok())
+            .ok_or("its checksum is no number")?;
         let own = body.iter().fold(0, |sum, byte| sum ^ byte);
         if own != told {
             return Err(format!("its checksum is {told:02X}, that of its content is {own:02X}"));

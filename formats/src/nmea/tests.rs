@@ -54,8 +54,16 @@ fn sentences_without_a_date_have_the_date_of_the_newest_one() {
 
 #[test]
 fn without_any_date_stamps_are_times_of_day() {
-    let all = read::<Nmea>("day.nmea", &log(&["GPGLL,4717.1,N,00833.9,E,235959,A,A", "GPGLL,4717.1,N,00833.9,E,000001,A,A"])).unwrap();
-    let stamps: Vec<i64> = all.rows("GPGLL").iter().map(|row| row.split(' ').next().unwrap().parse().unwrap()).collect();
+    let all = read::<Nmea>(
+        "day.nmea",
+        &log(&["GPGLL,4717.1,N,00833.9,E,235959,A,A", "GPGLL,4717.1,N,00833.9,E,000001,A,A"]),
+    )
+    .unwrap();
+    let stamps: Vec<i64> = all
+        .rows("GPGLL")
+        .iter()
+        .map(|row| row.split(' ').next().unwrap().parse().unwrap())
+        .collect();
     // Time zero is midnight: the log begins less than half a day before it.
     assert_eq!(stamps, [-1_000_000_000, 1_000_000_000]);
     assert_eq!(all.remarks, ["no sentence has a date: stamps are times of day"]);
@@ -78,7 +86,24 @@ fn a_wrong_checksum_is_a_malformed_row_and_a_cut_line_the_end() {
 }
 
 #[test]
+fn wind_and_satellites_are_not_measured_motion() {
+    for (address, is_measured) in [
+        ("GNGGA", true),
+        ("HEHDT", true),
+        ("WIMWV", false),
+        ("GPGSV", false),
+        ("PUBX", false),
+    ] {
+        assert_eq!(role(address) == Role::Measurement, is_measured, "{address}");
+    }
+}
+
+#[test]
 fn damaged_logs_are_read_without_a_panic() {
-    let bodies = ["GPRMC,000000.25,A,4717.11437,S,00833.91522,E,0.004,77.52,080725,,,A", "GPHDT,1.5,T", "GPGSA,A,3,1,2,,,,,,,,,,,1,2,3"];
+    let bodies = [
+        "GPRMC,000000.25,A,4717.11437,S,00833.91522,E,0.004,77.52,080725,,,A",
+        "GPHDT,1.5,T",
+        "GPGSA,A,3,1,2,,,,,,,,,,,1,2,3",
+    ];
     survives_damage::<Nmea>("mutant.nmea", &log(&bodies).repeat(10));
 }

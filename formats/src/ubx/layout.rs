@@ -104,7 +104,9 @@ impl Layout {
             return Some(());
         }
         let (name, rest) = word.split_once(':')?;
-        let (rest, unit) = rest.split_once('[').map_or((rest, None), |(rest, unit)| (rest, unit.strip_suffix(']')));
+        let (rest, unit) = rest
+            .split_once('[')
+            .map_or((rest, None), |(rest, unit)| (rest, unit.strip_suffix(']')));
         let (form, scale) = rest.split_once('*').unwrap_or((rest, "1"));
         let (letter, size) = form.split_at_checked(1)?;
         let form = match letter {
@@ -140,7 +142,12 @@ impl Layout {
     /// A column with its unit.
     pub(super) fn label(&self, column: usize) -> Option<String> {
         let unit = (*self.units.get(column)?)?;
-        Some(format!("{} [{unit}]", self.columns[column]))
+        let name = match self.columns[column].as_str() {
+            // With its vertical part, it is not the speed of an odometer.
+            "speed" => "speed_total",
+            name => name,
+        };
+        Some(format!("{name} [{unit}]"))
     }
 
     /// A whole number of a message.

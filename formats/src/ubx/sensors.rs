@@ -42,7 +42,15 @@ pub(super) const RAW: [u8; 2] = [0x10, 0x03];
 /// The columns of a message before its measurements.
 const fn head(id: [u8; 2]) -> &'static [&'static str] {
     match id {
-        MEAS => &["timeTag", "timeMarkSent", "timeMarkEdge", "calibTtagValid", "numMeas", "id", "calibTtag"],
+        MEAS => &[
+            "timeTag",
+            "timeMarkSent",
+            "timeMarkEdge",
+            "calibTtagValid",
+            "numMeas",
+            "id",
+            "calibTtag",
+        ],
         _ => &["sTag"],
     }
 }
@@ -67,11 +75,19 @@ pub(super) fn decode_meas(content: &[u8], cells: &mut Cells) -> Result<(), Strin
     let flags = u16::from_le_bytes([f0, f1]);
     let (has_tag, count) = (flags >> 3 & 1, usize::from(flags >> 11));
     let tag = u32::from_le_bytes([t0, t1, t2, t3]);
-    for whole in [tag, (flags & 3).into(), (flags >> 2 & 1).into(), has_tag.into(), u32::from(flags >> 11)] {
+    for whole in [
+        tag,
+        (flags & 3).into(),
+        (flags >> 2 & 1).into(),
+        has_tag.into(),
+        u32::from(flags >> 11),
+    ] {
         cells.integer(whole.into());
     }
     cells.integer(u16::from_le_bytes([i0, i1]).into());
-    let (data, calibrated) = data.split_at_checked(count * MEASUREMENT).ok_or("it has fewer measurements than it says")?;
+    let (data, calibrated) = data
+        .split_at_checked(count * MEASUREMENT)
+        .ok_or("it has fewer measurements than it says")?;
     match calibrated.first_chunk().filter(|_| has_tag == 1) {
         Some(tag) => cells.integer(u32::from_le_bytes(*tag).into()),
         None => cells.empty(),
@@ -103,7 +119,7 @@ pub(super) fn decode_raw(data: &[u8], cells: &mut Cells) {
     add(data.chunks_exact(2 * MEASUREMENT).map(|both| &both[..MEASUREMENT]), cells);
 }
 
-/// Adds a cell for each type. Of several measurements of one type, the last one counts.
+/// Adds a cell for each type. If a type has several measurements, the last one counts.
 fn add<'a>(measurements: impl Iterator<Item = &'a [u8]> + Clone, cells: &mut Cells) {
     for (kind, .., form) in TYPES {
         let of_kind = measurements.clone().filter(|bytes| bytes[3] & 0x3f == kind).last();

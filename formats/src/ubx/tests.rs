@@ -23,7 +23,14 @@ fn position(tow: u32) -> Vec<u8> {
 
 /// `NAV-TIMEGPS` in week 2374.
 fn week(tow: u32) -> Vec<u8> {
-    let content = [&tow.to_le_bytes()[..], &(-12_i32).to_le_bytes(), &2374_i16.to_le_bytes(), &[18, 7], &20_u32.to_le_bytes()].concat();
+    let content = [
+        &tow.to_le_bytes()[..],
+        &(-12_i32).to_le_bytes(),
+        &2374_i16.to_le_bytes(),
+        &[18, 7],
+        &20_u32.to_le_bytes(),
+    ]
+    .concat();
     message([1, 0x20], &content)
 }
 
@@ -58,7 +65,11 @@ fn the_time_of_the_week_gets_the_week_of_the_newest_message() {
     assert_eq!(all.rows("NAV-POSLLH"), rows);
     assert_eq!(all.rows("NAV-TIMEGPS"), [format!("{} 1000 -12 2374 18 1 1 1 20", at(1000))]);
     // 2025-07-08 19:42:01 UTC is 243 739 s in week 2374, with 18 leap seconds.
-    assert!(all.rows("GNTHS")[0].starts_with(&format!("{} 77.5", at(243_739_000))), "{:?}", all.rows("GNTHS"));
+    assert!(
+        all.rows("GNTHS")[0].starts_with(&format!("{} 77.5", at(243_739_000))),
+        "{:?}",
+        all.rows("GNTHS")
+    );
     assert!(all.labels.contains(&"height [mm]".to_owned()) && all.labels.contains(&"lat [deg]".to_owned()));
     assert_eq!((all.broken, all.remarks.len()), (None, 0));
 }
@@ -69,21 +80,42 @@ fn a_date_gives_the_week() {
     content[..4].copy_from_slice(&243_739_250_u32.to_le_bytes());
     content[4..11].copy_from_slice(&[0xe9, 0x07, 7, 8, 19, 42, 1]);
     content[11] = 7;
-    let log = [message([1, 7], &content), message([0x0d, 1], &[&[0xe8, 3, 0, 0, 0, 0, 0, 0x80, 5, 0, 0, 0, 0x46, 9, 0, 0][..]].concat())];
+    let log = [
+        message([1, 7], &content),
+        message(
+            [0x0d, 1],
+            &[&[0xe8, 3, 0, 0, 0, 0, 0, 0x80, 5, 0, 0, 0, 0x46, 9, 0, 0][..]].concat(),
+        ),
+    ];
     let all = read::<Ubx>("dates.ubx", &log.concat()).unwrap();
-    assert!(all.rows("NAV-PVT")[0].starts_with(&format!("{} 243739250 2025 7 8 19 42 1 1 1 1 0", at(243_739_250))), "{all:?}");
+    assert!(
+        all.rows("NAV-PVT")[0].starts_with(&format!("{} 243739250 2025 7 8 19 42 1 1 1 1 0", at(243_739_250))),
+        "{all:?}"
+    );
     // The pulse is half a millisecond after 1 s of the week.
-    assert_eq!(all.rows("TIM-TP"), [format!("{} 1000 0.5 5 2374 0 0 0 0 0 0 0", at(1000) + 500_000)]);
+    assert_eq!(
+        all.rows("TIM-TP"),
+        [format!("{} 1000 0.5 5 2374 0 0 0 0 0 0 0", at(1000) + 500_000)]
+    );
 }
 
 #[test]
 fn digits_of_high_precision_are_added() {
     let numbers = [243_739_250, 85_000_001, -473_000_000, 499_600, 451_600];
     let fine = [12_i8, -34, 5, -9].map(|x| x as u8);
-    let content = [&[0, 0, 0, 0][..], &numbers.map(i32::to_le_bytes).concat(), &fine, &250_u32.to_le_bytes(), &310_u32.to_le_bytes()];
+    let content = [
+        &[0, 0, 0, 0][..],
+        &numbers.map(i32::to_le_bytes).concat(),
+        &fine,
+        &250_u32.to_le_bytes(),
+        &310_u32.to_le_bytes(),
+    ];
     let all = read::<Ubx>("fine.ubx", &message([1, 0x14], &content.concat())).unwrap();
     // Without a week, week 0.
-    assert_eq!(all.rows("NAV-HPPOSLLH"), ["243739250000000 0 0 243739250 8.500000111999999 -47.300000034 499600.5 451599.1 25 31"]);
+    assert_eq!(
+        all.rows("NAV-HPPOSLLH"),
+        ["243739250000000 0 0 243739250 8.500000111999999 -47.300000034 499600.5 451599.1 25 31"]
+    );
     assert_eq!(all.remarks, ["no message has the week: stamps count from the start of a week"]);
 }
 
@@ -95,14 +127,47 @@ fn tagged(kind: u8, value: i32, tag: u32) -> Vec<u8> {
 
 #[test]
 fn sensors_have_columns_and_each_tag_a_row() {
-    let raw = [vec![0; 4], tagged(14, -4096, 7), tagged(18, 10_240, 7), tagged(14, 2048, 9), tagged(8, 0x80_0005, 9)].concat();
+    let raw = [
+        vec![0; 4],
+        tagged(14, -4096, 7),
+        tagged(18, 10_240, 7),
+        tagged(14, 2048, 9),
+        tagged(8, 0x80_0005, 9),
+    ]
+    .concat();
     // The tag of the calibration, and two measurements.
-    let meas = [&[1, 0, 0, 0, 0b1000, 2 << 3, 3, 0][..], &tagged(5, -2048, 0)[..4], &tagged(11, 1500, 0)[..4], &[9, 0, 0, 0]].concat();
-    let all = read::<Ubx>("sensors.ubx", &[week(1000), message([0x10, 3], &raw), message([0x10, 2], &meas)].concat()).unwrap();
+    let meas = [
+        &[1, 0, 0, 0, 0b1000, 2 << 3, 3, 0][..],
+        &tagged(5, -2048, 0)[..4],
+        &tagged(11, 1500, 0)[..4],
+        &[9, 0, 0, 0],
+    ]
+    .concat();
+    let all = read::<Ubx>(
+        "sensors.ubx",
+        &[week(1000), message([0x10, 3], &raw), message([0x10, 2], &meas)].concat(),
+    )
+    .unwrap();
     let stamp = at(1000);
-    let names = ["time", "sTag", "gyroX", "gyroY", "gyroZ", "accX", "accY", "accZ", "gyroTemp", "wheelTicksFL", "wheelTicksFR", "wheelTicksRL"];
+    let names = [
+        "time",
+        "sTag",
+        "gyroX",
+        "gyroY",
+        "gyroZ",
+        "accX",
+        "accY",
+        "accZ",
+        "gyroTemp",
+        "wheelTicksFL",
+        "wheelTicksFR",
+        "wheelTicksRL",
+    ];
     assert_eq!(all.columns("ESF-RAW")[..12], names);
-    assert_eq!(all.rows("ESF-RAW"), [format!("{stamp} 7 -1     10       "), format!("{stamp} 9 0.5         -5   ")]);
+    assert_eq!(
+        all.rows("ESF-RAW"),
+        [format!("{stamp} 7 -1     10       "), format!("{stamp} 9 0.5         -5   ")]
+    );
     assert_eq!(all.rows("ESF-MEAS"), [format!("{stamp} 1 0 0 1 2 3 9   -0.5          1.5")]);
 }
 
@@ -110,7 +175,13 @@ fn sensors_have_columns_and_each_tag_a_row() {
 fn a_wrong_checksum_is_a_malformed_row_and_reading_resumes() {
     let mut wrong = position(2000);
     wrong[10] ^= 1;
-    let log = [position(1000), wrong, vec![0xb5, 0x62, 1, 2, 0xff, 0xff], position(3000), position(4000)];
+    let log = [
+        position(1000),
+        wrong,
+        vec![0xb5, 0x62, 1, 2, 0xff, 0xff],
+        position(3000),
+        position(4000),
+    ];
     let all = read::<Ubx>("wrong.ubx", &log.concat()).unwrap();
     assert_eq!((all.rows("NAV-POSLLH").len(), all.messages.len()), (3, 4));
     assert!(all.messages[1].1.as_ref().is_err_and(|why| why == "its checksum is wrong"));
@@ -130,7 +201,15 @@ fn the_table_of_messages_is_read_to_its_end() {
     let lines = include_str!("messages.txt").lines().filter(|line| !line.starts_with(' ')).count();
     assert_eq!(layouts.len(), lines);
     // The lengths of the interface description.
-    for (name, length) in [("NAV-PVT", 92), ("NAV-HPPOSLLH", 36), ("NAV-RELPOSNED", 64), ("NAV-COV", 64), ("ESF-INS", 36), ("TIM-TM2", 28), ("HNR-PVT", 72)] {
+    for (name, length) in [
+        ("NAV-PVT", 92),
+        ("NAV-HPPOSLLH", 36),
+        ("NAV-RELPOSNED", 64),
+        ("NAV-COV", 64),
+        ("ESF-INS", 36),
+        ("TIM-TM2", 28),
+        ("HNR-PVT", 72),
+    ] {
         let (_, layout) = layouts.iter().find(|(_, layout)| layout.name == name).unwrap();
         assert_eq!(layout.length(), length, "{name}");
     }
@@ -154,7 +233,10 @@ fn matches_pyubx2_on_a_real_log() {
     ];
     for (topic, messages, count, sum) in expected {
         let rows = all.rows(topic);
-        let stamps: f64 = rows.iter().map(|row| row.split(' ').next().unwrap().parse::<f64>().unwrap().asinh()).sum();
+        let stamps: f64 = rows
+            .iter()
+            .map(|row| row.split(' ').next().unwrap().parse::<f64>().unwrap().asinh())
+            .sum();
         let (found, of_all) = all.sum(topic);
         // 1e-6: written to 6 decimals, and rounding of 2000 terms.
         let is_equal = (rows.len(), found - rows.len()) == (messages, count) && (of_all - stamps - sum).abs() < 1e-6;
@@ -171,8 +253,19 @@ fn matches_pyubx2_on_a_real_log() {
 fn matches_pyubx2_on_sentences_of_a_real_log() {
     let Some(path) = real("receiver_com3.ubx") else { return };
     let all = read_file::<Ubx>(&path).unwrap();
-    assert_eq!((all.broken, all.messages.iter().filter(|(_, cells)| cells.is_err()).count()), (None, 0));
-    for (address, count) in [("GNRMC", 90), ("GNVTG", 83), ("GNGGA", 81), ("GNGSA", 247), ("GPGSV", 51), ("GNGLL", 32), ("GNTXT", 102)] {
+    assert_eq!(
+        (all.broken, all.messages.iter().filter(|(_, cells)| cells.is_err()).count()),
+        (None, 0)
+    );
+    for (address, count) in [
+        ("GNRMC", 90),
+        ("GNVTG", 83),
+        ("GNGGA", 81),
+        ("GNGSA", 247),
+        ("GPGSV", 51),
+        ("GNGLL", 32),
+        ("GNTXT", 102),
+    ] {
         let of = all.messages.iter().filter(|(name, _)| name == address).count();
         assert_eq!(of, count, "{address}");
     }
@@ -181,6 +274,11 @@ fn matches_pyubx2_on_sentences_of_a_real_log() {
 #[test]
 fn damaged_logs_are_read_without_a_panic() {
     let raw = [vec![0; 4], tagged(14, -4096, 7), tagged(14, 2048, 9)].concat();
-    let log = [week(1000), sentence("GNTHS,77.5,A").into_bytes(), position(2000), message([0x10, 3], &raw)];
+    let log = [
+        week(1000),
+        sentence("GNTHS,77.5,A").into_bytes(),
+        position(2000),
+        message([0x10, 3], &raw),
+    ];
     survives_damage::<Ubx>("mutant.ubx", &log.concat().repeat(8));
 }

@@ -28,7 +28,7 @@ const OF_SENSORS: [&str; 5] = [
 /// Estimates of the vehicle, after `vehicle_` or `estimator_`.
 const ESTIMATES: [&str; 4] = ["attitude", "local_position", "global_position", "odometry"];
 
-/// What the messages of a name are.
+/// The role of messages with this name.
 pub(super) fn role(message: &str) -> Role {
     let is_of_sensor = message.starts_with("sensor_") && !OF_SENSORS.contains(&message);
     let estimate = ["vehicle_", "estimator_"].iter().find_map(|start| message.strip_prefix(start));
@@ -54,12 +54,25 @@ const MEANINGS: [(&[&str], &[(&str, &str)]); 6] = [
         ],
     ),
     (
-        &["vehicle_global_position", "vehicle_global_position_groundtruth", "estimator_global_position"],
-        &[("lat", "lat [deg]"), ("lon", "lon [deg]"), ("alt", "alt [m]"), ("alt_ellipsoid", "alt_ellipsoid [m]")],
+        &[
+            "vehicle_global_position",
+            "vehicle_global_position_groundtruth",
+            "estimator_global_position",
+        ],
+        &[
+            ("lat", "lat [deg]"),
+            ("lon", "lon [deg]"),
+            ("alt", "alt [m]"),
+            ("alt_ellipsoid", "alt_ellipsoid [m]"),
+        ],
     ),
     // Its axes are north, east and down. Its reference is a constant.
     (
-        &["vehicle_local_position", "vehicle_local_position_groundtruth", "estimator_local_position"],
+        &[
+            "vehicle_local_position",
+            "vehicle_local_position_groundtruth",
+            "estimator_local_position",
+        ],
         &[
             ("x", "north [m]"),
             ("y", "east [m]"),
@@ -71,9 +84,18 @@ const MEANINGS: [(&[&str], &[(&str, &str)]); 6] = [
             ("ref_lon", "state of the reference"),
         ],
     ),
-    (&["sensor_gyro"], &[("x", "gyro_x [rad/s]"), ("y", "gyro_y [rad/s]"), ("z", "gyro_z [rad/s]")]),
-    (&["sensor_accel"], &[("x", "acc_x [m/s^2]"), ("y", "acc_y [m/s^2]"), ("z", "acc_z [m/s^2]")]),
-    (&["sensor_mag"], &[("x", "mag_x [gauss]"), ("y", "mag_y [gauss]"), ("z", "mag_z [gauss]")]),
+    (
+        &["sensor_gyro"],
+        &[("x", "gyro_x [rad/s]"), ("y", "gyro_y [rad/s]"), ("z", "gyro_z [rad/s]")],
+    ),
+    (
+        &["sensor_accel"],
+        &[("x", "acc_x [m/s^2]"), ("y", "acc_y [m/s^2]"), ("z", "acc_z [m/s^2]")],
+    ),
+    (
+        &["sensor_mag"],
+        &[("x", "mag_x [gauss]"), ("y", "mag_y [gauss]"), ("z", "mag_z [gauss]")],
+    ),
 ];
 
 /// The meaning of a field.

@@ -106,7 +106,10 @@ impl Formats {
                 }
                 (scalar, _) => scalar,
             };
-            if let (Some(scalar), true) = (scalar, name.starts_with("_padding") || count.is_some_and(|count| count > LONGEST_ARRAY)) {
+            if let (Some(scalar), true) = (
+                scalar,
+                name.starts_with("_padding") || count.is_some_and(|count| count > LONGEST_ARRAY),
+            ) {
                 to.pass(scalar.size().saturating_mul(count.unwrap_or(1)), name.starts_with("_padding"))?;
                 continue;
             }

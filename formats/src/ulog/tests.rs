@@ -25,7 +25,13 @@ fn unit(id: u16, stamp: u64, x: f32) -> Vec<u8> {
 
 /// The definitions, with the place where data are appended.
 fn definitions(appended: u64) -> Vec<u8> {
-    let flags = [&[0; 8], &[u8::from(appended > 0), 0, 0, 0, 0, 0, 0, 0], &appended.to_le_bytes()[..], &[0; 16]].concat();
+    let flags = [
+        &[0; 8],
+        &[u8::from(appended > 0), 0, 0, 0, 0, 0, 0, 0],
+        &appended.to_le_bytes()[..],
+        &[0; 16],
+    ]
+    .concat();
     [
         b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0".to_vec(),
         message(b'B', &flags),
@@ -45,7 +51,7 @@ fn log() -> Vec<u8> {
         unit(9, 1500, -2.0),
         message(b'O', &250_u16.to_le_bytes()),
         unit(3, 2000, 1.5),
-        // Of a newer version.
+        // A message of a newer version.
         message(b'Z', &[0; 10]),
         message(b'S', &SYNC),
         unit(9, 2500, 4.0),
@@ -85,7 +91,10 @@ fn reading_resumes_after_a_synchronisation() {
     assert_eq!(all.rows("unit"), ["1000 7 0.5 1.5 2.5 -5 ab", "4000 7 2.5 3.5 4.5 -5 ab"]);
     let said = all.broken.unwrap().to_string();
     let skipped = damaged.len() + 3 + SYNC.len();
-    assert!(said.starts_with("1 places are damaged") && said.contains(&format!("{skipped} bytes were skipped")), "{said}");
+    assert!(
+        said.starts_with("1 places are damaged") && said.contains(&format!("{skipped} bytes were skipped")),
+        "{said}"
+    );
     // Without a synchronisation the log ends.
     let log = [definitions(0), unit(3, 1000, 0.5), vec![9, 0, 0, 1], unit(3, 2000, 1.5)].concat();
     let all = read::<Ulog>("lost.ulg", &log).unwrap();
@@ -100,7 +109,11 @@ fn a_message_with_a_wrong_length_is_malformed() {
     short[0] -= 6;
     let log = [definitions(0), short, unit(3, 3000, 1.5)].concat();
     let all = read::<Ulog>("short.ulg", &log).unwrap();
-    assert!(all.messages[0].1.as_ref().is_err_and(|why| why.contains("23 bytes")), "{:?}", all.messages);
+    assert!(
+        all.messages[0].1.as_ref().is_err_and(|why| why.contains("23 bytes")),
+        "{:?}",
+        all.messages
+    );
     assert_eq!(all.rows("unit").len(), 1);
 }
 
@@ -116,7 +129,13 @@ fn appended_data_follow_the_last_whole_message() {
 #[test]
 fn formats_that_grow_without_limit_have_no_messages() {
     for fields in ["deep:deep d;", "deep:uint64_t[9] a;deep[9] d;", "deep:uint8_t[99999999999999] a;"] {
-        let log = [definitions(0), message(b'F', fields.as_bytes()), subscription(0, 4, "deep"), message(b'D', &[4, 0, 0])].concat();
+        let log = [
+            definitions(0),
+            message(b'F', fields.as_bytes()),
+            subscription(0, 4, "deep"),
+            message(b'D', &[4, 0, 0]),
+        ]
+        .concat();
         let all = read::<Ulog>("deep.ulg", &log).unwrap();
         assert!(all.messages.is_empty() && all.broken.is_some(), "{all:?}");
     }
@@ -156,10 +175,30 @@ fn matches_pyulog_on_real_logs() {
         ("sample_px4_events.ulg", "vehicle_gps_position", 19239, 59414.849174),
         ("sample_px4_events.ulg", "vehicle_local_position", 14417, 36973.649641),
         ("sample_px4_events.ulg", "vehicle_magnetometer", 3213, 39044.676259),
-        ("sample_logging_tagged_and_default_params.ulg", "estimator_states[1]", 510, 377.932616),
-        ("sample_logging_tagged_and_default_params.ulg", "estimator_states[2]", 510, 377.788614),
-        ("sample_logging_tagged_and_default_params.ulg", "sensor_combined", 26364, 64755.699507),
-        ("sample_logging_tagged_and_default_params.ulg", "vehicle_global_position_groundtruth", 1526, 2546.382410),
+        (
+            "sample_logging_tagged_and_default_params.ulg",
+            "estimator_states[1]",
+            510,
+            377.932616,
+        ),
+        (
+            "sample_logging_tagged_and_default_params.ulg",
+            "estimator_states[2]",
+            510,
+            377.788614,
+        ),
+        (
+            "sample_logging_tagged_and_default_params.ulg",
+            "sensor_combined",
+            26364,
+            64755.699507,
+        ),
+        (
+            "sample_logging_tagged_and_default_params.ulg",
+            "vehicle_global_position_groundtruth",
+            1526,
+            2546.382410,
+        ),
     ];
     for (name, topic, count, sum) in expected {
         let Some(path) = real(name) else { return };
@@ -167,6 +206,9 @@ fn matches_pyulog_on_real_logs() {
         assert_eq!(all.broken, None);
         let found = all.sum(topic);
         // 5.1e-7: written to 6 decimals; 1e-12 · |sum|: rounding of 1e5 terms.
-        assert!(found.0 == count && (found.1 - sum).abs() <= 5.1e-7 + 1e-12 * sum.abs(), "{name} {topic}: {found:?}");
+        assert!(
+            found.0 == count && (found.1 - sum).abs() <= 5.1e-7 + 1e-12 * sum.abs(),
+            "{name} {topic}: {found:?}"
+        );
     }
 }

@@ -48,7 +48,9 @@ pub fn parse_unit(text: &str) -> Result<(f64, Dimension), UnitError> {
             let (factor, dimension) = Parser::new(text, unit.trim_start()).whole()?;
             let size = power.parse::<f64>().map_or(f64::NAN, |power| power * factor);
             let is_sound = size.is_finite() && size > 0.0;
-            is_sound.then_some((size, dimension)).ok_or_else(|| UnitError::Number { text: text.to_owned() })
+            is_sound
+                .then_some((size, dimension))
+                .ok_or_else(|| UnitError::Number { text: text.to_owned() })
         }
         _ => Parser::new(text, body).whole(),
     }

@@ -46,7 +46,8 @@ fn the_type_of_messages_decides_what_is_measured() {
     // By scatter alone, the better receiver would be taken for a truth.
     let measured = Inspection::look(logs[3..].to_vec());
     assert_eq!((name(&measured.position), name(&measured.reference)), (Some(0), None));
-    let unknown = [(Role::Unknown, "a", 0.01), (Role::Unknown, "b", 3.0)].map(|(role, topic, scatter)| Log::of(drive(role, topic, scatter)));
+    let unknown =
+        [(Role::Unknown, "a", 0.01), (Role::Unknown, "b", 3.0)].map(|(role, topic, scatter)| Log::of(drive(role, topic, scatter)));
     let guessed = Inspection::look(unknown.to_vec());
     assert_eq!((name(&guessed.position), name(&guessed.reference)), (Some(1), Some(0)));
 }
@@ -62,7 +63,11 @@ fn places_have_the_units_of_their_messages() {
     assert!((lat.to_degrees() - 47.0).abs() < 2e-7 && (lon.to_degrees() - 8.5).abs() < 2e-7);
     assert!((height - 500.0).abs() < 1e-9);
     // 60 s at 5 m/s, by a mean radius of the Earth: within 0.2 %.
-    assert!((track.position.last().unwrap()[0] / 299.0 - 1.0).abs() < 2e-3, "{:?}", track.position.last());
+    assert!(
+        (track.position.last().unwrap()[0] / 299.0 - 1.0).abs() < 2e-3,
+        "{:?}",
+        track.position.last()
+    );
 }
 
 #[test]
