@@ -40,8 +40,11 @@ pub(super) fn role(message: &str) -> Role {
     }
 }
 
+/// Fields and their meaning.
+type Meanings = &'static [(&'static str, &'static str)];
+
 /// Messages, and what their fields mean: a name with a unit.
-const MEANINGS: [(&[&str], &[(&str, &str)]); 6] = [
+const MEANINGS: [(&[&str], Meanings); 6] = [
     (
         &["sensor_gps", "vehicle_gps_position"],
         &[
