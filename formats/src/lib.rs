@@ -23,6 +23,7 @@ mod nmea;
 #[allow(dead_code, reason = "a program may be built without any format")]
 mod signature;
 #[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]
+#[allow(dead_code, reason = "not every format uses all of it")]
 mod stream;
 #[cfg(test)]
 #[allow(dead_code, reason = "a program may be built without any format")]

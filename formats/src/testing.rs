@@ -24,11 +24,14 @@ impl Drop for File {
     }
 }
 
+/// The cells of a message as text, each with the name of its column.
+type Row = Vec<(String, String)>;
+
 /// All messages of a log.
 #[derive(Debug, Default)]
 pub(crate) struct All {
-    /// The topic, and its cells as text with the names of their columns; or what is wrong.
-    pub(crate) messages: Vec<(String, Result<Vec<(String, String)>, String>)>,
+    /// The topic of each message and its cells, or why it has none.
+    pub(crate) messages: Vec<(String, Result<Row, String>)>,
     pub(crate) labels: Vec<String>,
     pub(crate) remarks: Vec<String>,
     pub(crate) broken: Option<Broken>,
@@ -39,7 +42,7 @@ impl All {
     pub(crate) fn rows(&self, topic: &str) -> Vec<String> {
         let of = self.messages.iter().filter(|(name, _)| name == topic);
         let cells = of.filter_map(|(_, cells)| cells.as_ref().ok());
-        let shown = |cells: &Vec<(String, String)>| cells.iter().map(|(_, cell)| cell.as_str()).collect::<Vec<_>>().join(" ");
+        let shown = |cells: &Row| cells.iter().map(|(_, cell)| cell.as_str()).collect::<Vec<_>>().join(" ");
         cells.map(shown).collect()
     }
 

@@ -265,7 +265,7 @@ impl Inspection {
     fn with(&self, kind: Kind) -> Option<usize> {
         let is_reference = |k: usize| self.reference.as_ref().is_some_and(|(r, _)| *r == k);
         let mut all = (0..self.logs.len()).filter(|k| !is_reference(*k) && self.logs[*k].clock.is_some() && self.logs[*k].has(kind));
-        // By the type of its messages, the estimate of another filter is no measurement; its attitude may stand for one.
+        // An estimate by type is not a measurement. Only its attitude may replace one.
         let is_attitude = matches!(kind, Euler | Quaternion | Heading);
         let may_stand = |role: Role| role == Role::Unknown || (role == Role::Estimate && is_attitude);
         let first = all.clone().find(|k| may_stand(self.logs[*k].table.role));

@@ -77,7 +77,7 @@ impl Dataflash {
     fn of(mut stream: Stream) -> Result<Self, String> {
         let start = stream.fill(HEADER).map_err(|broken| broken.to_string())?;
         if !start.starts_with(&MARK) {
-            return Err("this is no log of ArduPilot: it does not begin with a message".to_owned());
+            return Err("this is not a log of ArduPilot: it does not begin with a message".to_owned());
         }
         let mut formats = vec![None; 256];
         formats[usize::from(FMT)] = Some(Format::of_formats());
@@ -180,7 +180,7 @@ impl Dataflash {
     }
 }
 
-/// What the messages of a name are.
+/// The role of messages with this name.
 fn role(name: &str) -> Role {
     const MEASUREMENTS: [&str; 14] = [
         "IMU", "IMU2", "IMU3", "GPS", "GPS2", "MAG", "MAG2", "MAG3", "BARO", "BAR2", "BAR3", "ARSP", "RFND", "WENC",

@@ -46,18 +46,18 @@ pub trait MessageReader: Sized + Send + 'static {
     /// The columns of a topic, as its first message defined them. The first one has the usual stamps.
     fn columns(&self, topic: usize) -> &[String];
 
-    /// What a column means, if the type of the messages defines more than its name says: another name, with the unit in
+    /// The meaning of a column, if the type of the messages defines more than its name says: another name, the unit in
     /// brackets, as in `lat [1e-7 deg]`. `inspect` reads it in place of the name.
     fn label(&self, _topic: usize, _column: usize) -> Option<String> {
         None
     }
 
-    /// What the messages of a topic are, if their type shows it.
+    /// The role of a topic, if the type of its messages shows it.
     fn role(&self, _topic: usize) -> Role {
         Role::Unknown
     }
 
-    /// What the log says about itself, such as the drop-outs of the logger. It is complete after the last message.
+    /// Remarks of the log about itself, such as drop-outs of the logger. They are complete after the last message.
     fn remarks(&self) -> Vec<String> {
         Vec::new()
     }

@@ -26,6 +26,7 @@ impl Clock {
     }
 
     /// A clock that begins at an instant of GPS time \[ns\].
+    #[cfg(feature = "ubx")]
     pub(crate) fn at(instant: i64) -> Self {
         // The next sentence is less than half a day from it: leap seconds do not matter.
         let unix = instant.saturating_add(GPS_DAY * DAY);

@@ -174,7 +174,7 @@ fn number(field: &[u8]) -> Option<f64> {
 /// An angle \[deg\] of degrees and minutes, negative in the south and in the west.
 fn angle(field: &[u8], side: &[u8]) -> Option<f64> {
     let point = field.iter().position(|byte| *byte == b'.').unwrap_or(field.len());
-    // The minutes have two digits before the point; of a small angle both may be missing with the degrees.
+    // The minutes have two digits before the point; a small angle may lack the degrees.
     let (degrees, minutes) = field.split_at(point.saturating_sub(2));
     let degrees = if degrees.is_empty() { 0.0 } else { number(degrees)? };
     let minutes = number(minutes).filter(|minutes| (0.0..60.0).contains(minutes))?;

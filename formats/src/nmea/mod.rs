@@ -126,6 +126,17 @@ impl Nmea {
     }
 }
 
+/// The role of an address. Wind, satellites and texts are not measured motion.
+pub(crate) fn role(address: &str) -> Role {
+    const MEASUREMENTS: [&str; 15] = [
+        "GGA", "GLL", "GNS", "GST", "RMC", "VTG", "HDT", "HDM", "HDG", "THS", "ROT", "VBW", "VHW", "DPT", "DBT",
+    ];
+    match Sentence::kind(address) {
+        kind if MEASUREMENTS.contains(&kind) => Role::Measurement,
+        _ => Role::Other,
+    }
+}
+
 /// The topic of an address.
 pub(crate) fn topic(address: &str) -> Topic {
     Topic {
@@ -190,8 +201,8 @@ impl MessageReader for Nmea {
         self.columns[topic].label(column)
     }
 
-    fn role(&self, _topic: usize) -> Role {
-        Role::Measurement
+    fn role(&self, topic: usize) -> Role {
+        role(&self.topics[topic].name)
     }
 
     fn remarks(&self) -> Vec<String> {

@@ -86,6 +86,19 @@ fn a_wrong_checksum_is_a_malformed_row_and_a_cut_line_the_end() {
 }
 
 #[test]
+fn wind_and_satellites_are_not_measured_motion() {
+    for (address, is_measured) in [
+        ("GNGGA", true),
+        ("HEHDT", true),
+        ("WIMWV", false),
+        ("GPGSV", false),
+        ("PUBX", false),
+    ] {
+        assert_eq!(role(address) == Role::Measurement, is_measured, "{address}");
+    }
+}
+
+#[test]
 fn damaged_logs_are_read_without_a_panic() {
     let bodies = [
         "GPRMC,000000.25,A,4717.11437,S,00833.91522,E,0.004,77.52,080725,,,A",

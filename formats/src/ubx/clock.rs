@@ -62,7 +62,7 @@ fn instant(week: i64, tow: i64) -> Option<i64> {
     week.checked_mul(WEEK)?.checked_add(tow)?.checked_mul(MILLISECOND)
 }
 
-/// The time of an event, which is not the time of the message: of a pulse, or of an edge.
+/// The time of a pulse or of an edge, which is not the time of the message.
 fn event(layout: &Layout, content: &[u8]) -> Option<i64> {
     let whole = |name: &str| layout.whole(name, content);
     match layout.name {

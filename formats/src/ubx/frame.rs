@@ -3,7 +3,7 @@
 use crate::nmea;
 use memchr::memchr;
 
-/// What begins at a byte.
+/// The kind of the bytes at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Frame {
     /// A message of u-blox: its class and number, and its length with header and checksum. The checksum may be wrong.
@@ -23,7 +23,7 @@ pub(super) const HEADER: usize = 6;
 /// Bytes of its checksum.
 pub(super) const CHECKSUM: usize = 2;
 
-/// What these bytes begin with.
+/// Finds the frame at the start of these bytes.
 pub(super) fn of(ahead: &[u8]) -> Frame {
     match *ahead {
         [0xb5, 0x62, class, number, low, high, ..] => {

@@ -142,7 +142,12 @@ impl Layout {
     /// A column with its unit.
     pub(super) fn label(&self, column: usize) -> Option<String> {
         let unit = (*self.units.get(column)?)?;
-        Some(format!("{} [{unit}]", self.columns[column]))
+        let name = match self.columns[column].as_str() {
+            // With its vertical part, it is not the speed of an odometer.
+            "speed" => "speed_total",
+            name => name,
+        };
+        Some(format!("{name} [{unit}]"))
     }
 
     /// A whole number of a message.

@@ -241,7 +241,7 @@ impl Ubx {
     }
 }
 
-/// The layout of a message: of several versions, the longest one that it fills, or else the first one.
+/// The layout of a message. If there are several versions, the longest one that it fills, or else the first one.
 fn of_id(layouts: &[([u8; 2], Layout)], id: [u8; 2], length: usize) -> Option<usize> {
     let all = || layouts.iter().enumerate().filter(|(_, (of, _))| *of == id);
     let filled = all().filter(|(_, (_, layout))| layout.length() <= length);
@@ -249,7 +249,7 @@ fn of_id(layouts: &[([u8; 2], Layout)], id: [u8; 2], length: usize) -> Option<us
     longest.or_else(|| all().next()).map(|(k, _)| k)
 }
 
-/// What begins next; `None` at the end of the file.
+/// Reads on to the next frame; `None` at the end of the file.
 fn next(stream: &mut Stream) -> Result<Option<Frame>, Broken> {
     let mut wanted = 1;
     loop {
@@ -354,8 +354,10 @@ impl MessageReader for Ubx {
 
     fn role(&self, topic: usize) -> Role {
         match self.topics[topic].name.as_str() {
+            name if matches!(self.of_topics[topic], Kind::Sentence(_)) => nmea::role(name),
             // The receiver's own filter of its sensors.
             "NAV-ATT" | "ESF-ALG" => Role::Estimate,
+            "NAV-STATUS" | "NAV-DOP" | "NAV-CLOCK" | "NAV-COV" | "NAV-TIMEGPS" | "NAV-TIMEUTC" | "TIM-TP" | "TIM-TM2" => Role::Other,
             name if name.starts_with("HNR-") => Role::Estimate,
             _ => Role::Measurement,
         }

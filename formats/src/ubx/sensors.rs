@@ -119,7 +119,7 @@ pub(super) fn decode_raw(data: &[u8], cells: &mut Cells) {
     add(data.chunks_exact(2 * MEASUREMENT).map(|both| &both[..MEASUREMENT]), cells);
 }
 
-/// Adds a cell for each type. Of several measurements of one type, the last one counts.
+/// Adds a cell for each type. If a type has several measurements, the last one counts.
 fn add<'a>(measurements: impl Iterator<Item = &'a [u8]> + Clone, cells: &mut Cells) {
     for (kind, .., form) in TYPES {
         let of_kind = measurements.clone().filter(|bytes| bytes[3] & 0x3f == kind).last();

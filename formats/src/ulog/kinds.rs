@@ -28,7 +28,7 @@ const OF_SENSORS: [&str; 5] = [
 /// Estimates of the vehicle, after `vehicle_` or `estimator_`.
 const ESTIMATES: [&str; 4] = ["attitude", "local_position", "global_position", "odometry"];
 
-/// What the messages of a name are.
+/// The role of messages with this name.
 pub(super) fn role(message: &str) -> Role {
     let is_of_sensor = message.starts_with("sensor_") && !OF_SENSORS.contains(&message);
     let estimate = ["vehicle_", "estimator_"].iter().find_map(|start| message.strip_prefix(start));
@@ -40,8 +40,11 @@ pub(super) fn role(message: &str) -> Role {
     }
 }
 
+/// Fields and their meaning.
+type Meanings = &'static [(&'static str, &'static str)];
+
 /// Messages, and what their fields mean: a name with a unit.
-const MEANINGS: [(&[&str], &[(&str, &str)]); 6] = [
+const MEANINGS: [(&[&str], Meanings); 6] = [
     (
         &["sensor_gps", "vehicle_gps_position"],
         &[

@@ -91,7 +91,7 @@ impl Ulog {
     fn of(mut stream: Stream) -> Result<Self, String> {
         let header = stream.fill(HEADER).map_err(|broken| broken.to_string())?;
         if header.len() < HEADER || !(ULOG.recognises)(header) {
-            return Err("this is no ULog: it does not begin with its mark".to_owned());
+            return Err("this is not a ULog: it does not begin with its mark".to_owned());
         }
         stream.consume(HEADER);
         let mut log = Self {
@@ -178,7 +178,7 @@ impl Ulog {
         }
     }
 
-    /// Reads a message that is no data. `None` if it is damaged.
+    /// Reads a message without data of a topic. `None` if it is damaged.
     fn define(&mut self, length: usize, kind: u8) -> Option<()> {
         let content = &self.stream.ahead()[PREFIX..length];
         match kind {
@@ -273,7 +273,7 @@ impl MessageReader for Ulog {
                 self.stream.consume(next);
                 self.damage.add(at, self.stream.at());
             } else if !self.resume()? {
-                return Err(Broken::at(at, "this is no message, and no synchronisation follows"));
+                return Err(Broken::at(at, "this is not a message, and no synchronisation follows"));
             }
         }
         self.damage.reported()

@@ -51,7 +51,7 @@ fn log() -> Vec<u8> {
         unit(9, 1500, -2.0),
         message(b'O', &250_u16.to_le_bytes()),
         unit(3, 2000, 1.5),
-        // Of a newer version.
+        // A message of a newer version.
         message(b'Z', &[0; 10]),
         message(b'S', &SYNC),
         unit(9, 2500, 4.0),

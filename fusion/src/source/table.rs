@@ -29,7 +29,7 @@ pub struct LogTable {
     pub path: PathBuf,
     /// The stream, if the file has several streams of unlike types.
     pub topic: Option<Topic>,
-    /// What its rows are, as far as its format knows it.
+    /// The role of its rows, as far as its format knows it.
     pub role: Role,
     /// How it is written; text by default.
     pub format: &'static LogFormat,
@@ -60,7 +60,7 @@ pub struct LogTable {
     pub malformed: usize,
     /// The damage at which the file ends.
     pub broken: Option<String>,
-    /// What the file says about itself, such as drop-outs of the logger.
+    /// Remarks of the file about itself, such as drop-outs of the logger.
     pub remarks: Vec<String>,
 }
 
@@ -73,7 +73,7 @@ pub struct Topic {
     pub message_type: String,
 }
 
-/// What rows are, by the type of their messages.
+/// The role of rows, by the type of their messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Role {
     /// Names and values have to show it.

@@ -117,7 +117,7 @@ fn names_alone_tell_what_is_reported() {
         )]
     );
     assert_eq!(
-        of(&["vel_accuracy (mm/s)", "speed_accuracy (cm/s)"]),
+        of(&["vel_accuracy (ft/s)", "speed_accuracy (cm/s)"]),
         [expected(Kind::VelocitySigma, ["speed_accuracy (cm/s)"; 3], "cm/s")]
     );
     // Metres along a track, a number without a unit, and columns that are no 1σ.
