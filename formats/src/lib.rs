@@ -10,9 +10,25 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod absent;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod bytes;
+#[cfg(any(feature = "mcap", feature = "rosbag2"))]
+mod folder;
+#[cfg(feature = "mcap")]
+mod mcap;
 pub mod messages;
+#[cfg(any(feature = "mcap", feature = "rosbag", feature = "rosbag2"))]
+mod ros;
+#[cfg(feature = "rosbag")]
+mod rosbag;
+#[cfg(feature = "rosbag2")]
+mod rosbag2;
 #[allow(dead_code, reason = "a program may be built without any format")]
 mod signature;
+#[cfg(any(feature = "mcap", feature = "rosbag", feature = "rosbag2"))]
+mod stamped;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod unpack;
 
 /// The formats whose feature is off.
 mod without {

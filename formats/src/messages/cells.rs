@@ -78,4 +78,22 @@ impl Cells {
     pub fn empty(&mut self) {
         self.text(&[]);
     }
+
+    /// Adds this number of cells without content.
+    pub fn blanks(&mut self, count: usize) {
+        let values = self.values.len() + count;
+        self.values.resize(values, Value::Text(0, 0));
+    }
+
+    /// Puts the last cell in place of the cell in this column.
+    pub fn move_last(&mut self, column: usize) {
+        if let Some(last) = self.values.pop() {
+            self.values[column] = last;
+        }
+    }
+
+    /// Puts the cell in column `from` in place of the cell in column `to`.
+    pub fn copy(&mut self, from: usize, to: usize) {
+        self.values[to] = self.values[from];
+    }
 }
