@@ -18,7 +18,7 @@ enum Value {
 }
 
 impl Cells {
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.values.clear();
         self.text.clear();
     }
@@ -28,7 +28,7 @@ impl Cells {
         size_of::<Value>() * self.values.len() + self.text.len()
     }
 
-    pub(super) fn get(&self, column: usize) -> Cell<'_> {
+    pub(crate) fn get(&self, column: usize) -> Cell<'_> {
         match self.values.get(column) {
             Some(Value::Number(number)) => Cell::Number(*number),
             Some(Value::Integer(number)) => Cell::Integer(*number),

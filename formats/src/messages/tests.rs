@@ -207,7 +207,7 @@ fn rows_before_a_damage_are_used_and_the_damage_is_reported() {
     let (rows, report) = read(declared).unwrap();
     assert_eq!(rows, 2);
     assert!(report.contains("message 2: `lost` is no number"), "{report}");
-    assert!(report.contains("message 4: after byte 25: the file is cut off"), "{report}");
+    assert!(report.contains("message 4: after byte 27: the file is cut off"), "{report}");
     let error = read(&declared.replace("bad_rows = \"skip\"\n", "")).unwrap_err();
     assert!(error.contains("log.lines, message 2: `lost` is no number"), "{error}");
     let tables = LogTable::read_all(&folder.0.join("log.lines")).unwrap();
@@ -216,7 +216,7 @@ fn rows_before_a_damage_are_used_and_the_damage_is_reported() {
         (table.rows(), table.malformed, table.columns[0].values.as_slice()),
         (2, 1, &[0.0, 2.0][..])
     );
-    assert_eq!(table.broken.as_deref(), Some("after byte 25: the file is cut off"));
+    assert_eq!(table.broken.as_deref(), Some("after byte 27: the file is cut off"));
 }
 
 #[test]

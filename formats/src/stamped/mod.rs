@@ -5,6 +5,9 @@
 //!
 //! A list of messages in a message can be split: each element is then a message of the topic `TOPIC LIST[]`.
 
+#[cfg(test)]
+pub(crate) mod testing;
+
 use crate::messages::Cells;
 use core::ops::Range;
 use fusion::source::table::Topic;
