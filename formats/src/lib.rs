@@ -9,6 +9,7 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
+#[allow(dead_code, reason = "a program may be built with all formats")]
 mod absent;
 #[cfg(any(feature = "mcap", feature = "rosbag"))]
 mod bytes;

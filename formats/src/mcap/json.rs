@@ -31,7 +31,7 @@ enum Node {
 impl Schema for JsonSchema {
     fn learn(&self, message: &[u8], place: Range<usize>) -> Result<Box<dyn Decoder>, String> {
         let bytes = message.get(place).unwrap_or_default();
-        let first: Value = serde_json::from_slice(bytes).map_err(|error| format!("its first message is no JSON: {error}"))?;
+        let first: Value = serde_json::from_slice(bytes).map_err(|error| format!("its first message is not JSON: {error}"))?;
         let mut columns: Vec<String> = STAMPS.map(str::to_owned).into();
         let root = Node::of(&first, String::new(), &mut columns);
         Ok(Box::new(Plan { columns, root }))
@@ -192,7 +192,7 @@ impl<'de> Visitor<'de> for Into<'_> {
 /// Finds the number of a key.
 struct Key<'a, T>(&'a [T]);
 
-/// What has a key.
+/// Has a key.
 trait Keyed {
     fn key(&self) -> &str;
 }

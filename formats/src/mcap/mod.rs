@@ -1,7 +1,7 @@
 //! MCAP: messages of ROS 2 by their definitions, protobuf by its descriptors, and JSON.
 //!
-//! The records are read here, and not with the crate `mcap`: its reader of a stream does not give the place of a
-//! damage, and a record that is longer than its chunk makes it panic.
+//! The records are read here, and not with the crate `mcap`. Its reader of a stream (0.26) does not give the place of a
+//! damage, and subtracts the length of a record from that of its chunk without a check. Its packings need a C compiler.
 //!
 //! Source   <https://mcap.dev/spec>
 //! Not read attachments, metadata, the summary at the end

@@ -38,7 +38,7 @@ impl<'a> Cursor<'a> {
             (Encoding::Cdr, [0, kind @ (0 | 1 | 6 | 7), ..]) if bytes.len() >= ENCAPSULATION => {
                 (&bytes[ENCAPSULATION..], if *kind < 6 { 8 } else { 4 }, kind % 2 == 0)
             }
-            (Encoding::Cdr, _) => return Err("this message is no plain CDR".to_owned()),
+            (Encoding::Cdr, _) => return Err("this message is not plain CDR".to_owned()),
         };
         Ok(Self {
             bytes,

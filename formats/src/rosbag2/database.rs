@@ -38,7 +38,7 @@ struct Message {
 
 impl Database {
     /// # Errors
-    /// The file is no bag, or damaged.
+    /// The file is not a bag, or it is damaged.
     pub(super) fn open(path: &Path) -> Result<Self, String> {
         let open = |name: &str| {
             let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
@@ -49,7 +49,7 @@ impl Database {
         let name = uri(path);
         // A file that a recorder left in a folder without the right to write is read without a lock.
         let opened = open(&name).or_else(|_| open(&format!("{name}?immutable=1")));
-        let (connection, topics) = opened.map_err(|error| format!("this is no bag of ROS 2: {error}"))?;
+        let (connection, topics) = opened.map_err(|error| format!("this is not a bag of ROS 2: {error}"))?;
         Ok(Self {
             connection,
             topics,

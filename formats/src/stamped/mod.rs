@@ -39,7 +39,7 @@ pub(crate) trait Decoder: Send {
     /// Adds the cells of a message, or of the element at this place of it. `usual` is its stamp if it has no header.
     ///
     /// # Errors
-    /// What is wrong with this message.
+    /// The message is damaged, or does not fit its type.
     fn decode(&mut self, message: &[u8], place: Range<usize>, usual: i64, log_time: i64, cells: &mut Cells) -> Result<(), String>;
 }
 
@@ -51,7 +51,7 @@ pub(crate) trait Split: Send {
     /// Writes the places of the elements of a message, and returns the stamp of its header, if it has one.
     ///
     /// # Errors
-    /// What is wrong with this message.
+    /// The message is damaged, or does not fit its type.
     fn places(&self, message: &[u8], places: &mut Vec<Range<usize>>) -> Result<Option<i64>, String>;
 }
 
@@ -177,7 +177,7 @@ impl Streams {
         };
         self.elements.clear();
         for (k, list) in self.channels[channel].lists.iter().flatten().enumerate() {
-            // A message that cannot be split is reported as a message of its own topic.
+            // The topic of the message reports what is wrong with it.
             let Ok(stamp) = list.split.places(message, &mut self.places) else {
                 continue;
             };
@@ -260,7 +260,7 @@ impl Streams {
     /// Adds the cells of the current message.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// The message is damaged, or does not fit its type.
     pub(crate) fn decode(&mut self, message: &[u8], cells: &mut Cells) -> Result<(), String> {
         let Current {
             topic,

@@ -1,4 +1,4 @@
-//! What the tests of all logs with schemas share.
+//! The tests of all logs with schemas use this module.
 
 use crate::messages::{Broken, Cells, MessageReader};
 use fusion::source::{DataFile, OpenContext};

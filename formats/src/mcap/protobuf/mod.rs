@@ -1,6 +1,6 @@
 //! Messages of protobuf by the descriptors in the file.
 //!
-//! All fields of the type are columns; of a list, as many elements as the first message has. A field that is missing
+//! All fields of the type are columns. A list has columns for as many elements as the first message has. A field that is missing
 //! has its default value if the type gives it no presence, as in proto3, and otherwise an empty cell. The value of an
 //! enumeration is its name, and a `google.protobuf.Timestamp` or `Duration` one number of nanoseconds.
 //!

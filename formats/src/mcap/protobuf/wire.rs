@@ -1,6 +1,6 @@
 //! The bytes of protobuf: numbered fields of four kinds.
 
-/// What is wrong with a message.
+/// The error about a message whose bytes are not fields.
 pub(super) const DAMAGED: &str = "this message is damaged";
 
 /// The content of a field.
