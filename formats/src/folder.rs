@@ -5,19 +5,20 @@ use crate::bytes::Bytes;
 use fusion::rows::DataError;
 #[cfg(feature = "mcap")]
 use fusion::rows::SourceError;
-use fusion::source::{DataFile, OpenContext};
+use fusion::source::DataFile;
+#[cfg(feature = "mcap")]
+use fusion::source::OpenContext;
 use std::path::{Path, PathBuf};
 
 /// The files of a log, in the order in which they were recorded.
 pub(crate) struct Parts {
     name: String,
     files: std::vec::IntoIter<PathBuf>,
-    context: OpenContext,
 }
 
 impl Parts {
     /// The files of a folder with one of these endings; or the file itself.
-    pub(crate) fn of(file: &DataFile, context: &OpenContext, endings: &[&str]) -> Self {
+    pub(crate) fn of(file: &DataFile, endings: &[&str]) -> Self {
         let path = file.path();
         let files = if path.is_dir() {
             listed(path, endings)
@@ -27,7 +28,6 @@ impl Parts {
         Self {
             name: file.name(),
             files: files.into_iter(),
-            context: context.clone(),
         }
     }
 
@@ -45,9 +45,9 @@ impl Parts {
 
     /// The bytes of the next file.
     #[cfg(feature = "mcap")]
-    pub(crate) fn next_bytes(&mut self) -> Option<Result<Bytes, SourceError>> {
+    pub(crate) fn next_bytes(&mut self, context: &OpenContext) -> Option<Result<Bytes, SourceError>> {
         let path = self.next_path()?;
-        Some(Bytes::open(&DataFile::new(&path, &self.context), &self.context))
+        Some(Bytes::open(&DataFile::new(&path, context), context))
     }
 }
 

@@ -40,6 +40,7 @@ unit = "rad/s"
 
 /// Reads the messages of an MCAP file.
 struct McapReader {
+    context: OpenContext,
     parts: Parts,
     records: Records,
     /// The numbers of the channels of the current file in `streams`.
@@ -96,9 +97,10 @@ impl McapReader {
 
 impl MessageReader for McapReader {
     fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
-        let mut parts = Parts::of(file, context, MCAP.endings);
-        let bytes = parts.next_bytes().transpose()?.ok_or_else(|| parts.none())?;
+        let mut parts = Parts::of(file, MCAP.endings);
+        let bytes = parts.next_bytes(context).transpose()?.ok_or_else(|| parts.none())?;
         Ok(Self {
+            context: context.clone(),
             parts,
             records: Records::open(bytes).map_err(|why| fusion::rows::DataError::new(file.name(), why))?,
             channels: HashMap::new(),
@@ -140,7 +142,9 @@ impl MessageReader for McapReader {
                     encoding,
                 }) => self.add_channel(number, schema, &topic, &encoding),
                 None => {
-                    let Some(bytes) = self.parts.next_bytes() else { return Ok(None) };
+                    let Some(bytes) = self.parts.next_bytes(&self.context) else {
+                        return Ok(None);
+                    };
                     let broken = |message: String| Broken { at: None, message };
                     let bytes = bytes.map_err(|error| broken(error.to_string()))?;
                     self.records = Records::open(bytes).map_err(broken)?;

@@ -82,7 +82,7 @@ fn schema(row: &TopicRow) -> Box<dyn Schema> {
 
 impl MessageReader for Rosbag2Reader {
     fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
-        let mut parts = Parts::of(file, context, ROSBAG2.endings);
+        let mut parts = Parts::of(file, ROSBAG2.endings);
         let path = parts.next_path().ok_or_else(|| parts.none())?;
         // Its errors name the places where a missing file was searched.
         DataFile::new(&path, context).bytes(context)?;

@@ -2,8 +2,6 @@
 
 use crate::messages::{Broken, Cells, MessageReader};
 use fusion::source::{DataFile, OpenContext};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -59,6 +57,7 @@ pub(crate) fn all<R: MessageReader>(reader: &mut R) -> (Vec<Shown>, Option<Broke
 }
 
 /// Reads a log that is whole.
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
 pub(crate) fn whole<R: MessageReader>(ending: &str, bytes: &[u8]) -> Vec<Shown> {
     let file = File::new(ending, bytes);
     let (messages, broken) = all(&mut opened::<R>(&file.0, &[]).unwrap());
@@ -68,9 +67,11 @@ pub(crate) fn whole<R: MessageReader>(ending: &str, bytes: &[u8]) -> Vec<Shown> 
 
 /// Half of the files are cut off: the messages before the cut are read, and the damage is reported. `end` is the place
 /// after the last message. The others have flipped bytes: they are read without panic.
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
 pub(crate) fn survives_damage<R: MessageReader>(ending: &str, bytes: &[u8], end: usize) {
+    use rand::{RngExt, SeedableRng};
     let whole = whole::<R>(ending, bytes);
-    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
     let mut with_some = 0;
     for _ in 0..250 {
         let cut = random.random_range(0..end);
