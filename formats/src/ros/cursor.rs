@@ -113,6 +113,17 @@ impl<'a> Cursor<'a> {
         self.array().map(i32::from_le_bytes)
     }
 
+    /// The next numbers of eight bytes with a fraction, if they are little-endian as usual: most cells of messages are
+    /// elements of covariances.
+    pub(super) fn floats(&mut self, count: usize) -> Result<Option<impl Iterator<Item = f64> + use<'a>>, Short> {
+        if self.is_big_endian || count == 0 {
+            return Ok(None);
+        }
+        self.align(8);
+        let (numbers, _) = self.take(count * 8)?.as_chunks();
+        Ok(Some(numbers.iter().map(|bytes| f64::from_le_bytes(*bytes))))
+    }
+
     /// The length of an array or text: at most one element for each byte that is left.
     pub(super) fn length(&mut self) -> Result<usize, Short> {
         let length = self.u32()? as usize;

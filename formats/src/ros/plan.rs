@@ -359,8 +359,13 @@ fn show(steps: &[Step], cursor: &mut Cursor<'_>, cells: &mut Cells) -> Result<()
             Step::Numbers { of, count: array, shown } => {
                 let length = count(*array, cursor)?;
                 let read = length.min(*shown);
-                for _ in 0..read {
-                    show_number(*of, cursor, cells)?;
+                let floats = if *of == Number::F64 { cursor.floats(read)? } else { None };
+                if let Some(floats) = floats {
+                    floats.for_each(|number| cells.number(number));
+                } else {
+                    for _ in 0..read {
+                        show_number(*of, cursor, cells)?;
+                    }
                 }
                 cells.blanks(shown - read);
                 skip_numbers(*of, length - read, cursor)?;
