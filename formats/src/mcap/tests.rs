@@ -231,3 +231,18 @@ fn a_folder_is_read_in_the_order_of_its_files() {
     assert_eq!(read(), ["9", "0"]);
     std::fs::remove_dir_all(folder).unwrap();
 }
+
+#[test]
+fn all_messages_before_a_cut_are_read() {
+    for packing in [None, Some("")] {
+        let bytes = bag(packing, 10);
+        for k in 0..10 {
+            let record = message(7, u64::from(k) * SECOND + 1, &cdr(k, k.into(), &[]));
+            let at = bytes.windows(record.len()).position(|bytes| bytes == record).unwrap();
+            let file = File::new(".mcap", &bytes[..at + record.len()]);
+            let (messages, broken) = all(&mut opened::<McapReader>(&file.0, &[]).unwrap());
+            assert_eq!(messages.len(), 2 * k as usize + 1, "{packing:?}");
+            assert!(broken.unwrap().message.contains("cut off"));
+        }
+    }
+}

@@ -1,7 +1,7 @@
 //! Bags written here. Whole logs are compared with `rosbags` in `tests/suite/bags.rs`.
 
 use super::*;
-use crate::stamped::testing::{Shown, survives_damage, whole};
+use crate::stamped::testing::{File, Shown, all, opened, survives_damage, whole};
 use std::io::Write;
 
 const DEFINITION: &str = "Header header\nfloat64 x\n===\nMSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n";
@@ -95,5 +95,18 @@ fn damaged_bags_give_the_messages_before_the_damage() {
     for packing in ["none", "lz4", "bz2"] {
         let bytes = bag(packing);
         survives_damage::<BagReader>(".bag", &bytes, bytes.len());
+    }
+}
+
+#[test]
+fn all_messages_before_a_cut_are_read() {
+    let bytes = bag("none");
+    for k in 0..50 {
+        let record = message(0, k);
+        let at = bytes.windows(record.len()).position(|bytes| bytes == record).unwrap();
+        let file = File::new(".bag", &bytes[..at + record.len()]);
+        let (messages, broken) = all(&mut opened::<BagReader>(&file.0, &[]).unwrap());
+        assert_eq!(messages.len(), 2 * k as usize + 1);
+        assert_eq!(broken.unwrap().message, "the file is cut off");
     }
 }
