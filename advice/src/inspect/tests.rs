@@ -10,6 +10,7 @@ mod names;
 mod sigmas;
 mod stamps;
 mod text;
+mod types;
 mod values;
 mod water;
 mod wheels;
