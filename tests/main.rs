@@ -14,6 +14,9 @@ mod attitude_filter;
 /// Every chart, update, form and reset on a shipped design, and combinations without a meaning.
 #[path = "suite/backends.rs"]
 mod backends;
+/// Real logs of messages against the reference readers, and against the text files made of them.
+#[path = "suite/bags.rs"]
+mod bags;
 /// A bank of hypotheses: false fixes after an outage, starts without a heading.
 #[path = "suite/bank.rs"]
 mod bank;

@@ -11,17 +11,31 @@
 
 #[allow(dead_code, reason = "a program may be built with all formats")]
 mod absent;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod bytes;
 #[cfg(any(feature = "parquet", feature = "arrow"))]
 mod columns;
 #[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]
 mod damage;
 #[cfg(feature = "dataflash")]
 mod dataflash;
+#[cfg(any(feature = "mcap", feature = "rosbag2"))]
+mod folder;
+#[cfg(feature = "mcap")]
+mod mcap;
 pub mod messages;
 #[cfg(feature = "nmea")]
 mod nmea;
+#[cfg(any(feature = "mcap", feature = "rosbag", feature = "rosbag2"))]
+mod ros;
+#[cfg(feature = "rosbag")]
+mod rosbag;
+#[cfg(feature = "rosbag2")]
+mod rosbag2;
 #[allow(dead_code, reason = "a program may be built without any format")]
 mod signature;
+#[cfg(any(feature = "mcap", feature = "rosbag", feature = "rosbag2"))]
+mod stamped;
 #[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]
 #[allow(dead_code, reason = "not every format uses all of it")]
 mod stream;
@@ -32,6 +46,8 @@ mod testing;
 mod ubx;
 #[cfg(feature = "ulog")]
 mod ulog;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod unpack;
 mod written;
 
 /// An array with more elements than this has no columns: it is an image or a scan. A covariance of 6 axes has 36.

@@ -31,6 +31,7 @@ mod standing;
 mod tests;
 mod track;
 mod turn;
+mod types;
 mod water;
 mod words;
 mod yaw;

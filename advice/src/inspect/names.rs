@@ -3,6 +3,7 @@
 use super::numbers::{median, norm, quantile};
 use super::signal::{Kind, Signal};
 use super::size::{is_beyond, is_without_gravity, settle, settle_by_turns};
+use super::types;
 use super::words::{QUATERNION, Words, contains, is_called, is_height, is_phrase};
 use fusion::source::table::{LogColumn, LogTable};
 
@@ -141,6 +142,10 @@ impl<'a> Finder<'a> {
 
     /// All quantities of the table.
     pub(super) fn all(mut self) -> Vec<Signal> {
+        if let Some(fields) = self.table.topic.as_ref().and_then(|topic| types::fields(&topic.message_type)) {
+            self.typed(fields);
+            return self.found;
+        }
         if self.table.header {
             self.vectors();
             self.sigmas();
@@ -150,6 +155,30 @@ impl<'a> Finder<'a> {
         }
         self.unnamed();
         self.found
+    }
+
+    /// The quantities whose fields have values other than zero.
+    fn typed(&mut self, fields: types::Fields) {
+        for (kind, names, unit) in fields {
+            let columns = names.iter().filter_map(|name| {
+                let (plain, is_against) = name.strip_prefix('-').map_or((*name, false), |plain| (plain, true));
+                let column = self.table.columns.iter().position(|column| column.name == plain)?;
+                Some((column, is_against))
+            });
+            let columns: Vec<(usize, bool)> = columns.collect();
+            let is_zero = |(k, _): &(usize, bool)| self.table.columns[*k].values.iter().all(|v| *v == 0.0);
+            let has = |kind: Kind| self.found.iter().any(|s| s.kind == kind);
+            if *kind == Kind::Speed && has(Kind::BodyVelocity) {
+                continue;
+            }
+            // Two axes that are always zero are not measured.
+            if columns.len() != names.len() || columns.iter().filter(|column| is_zero(column)).count() > columns.len() / 2 {
+                continue;
+            }
+            if let Some(found) = self.add(*kind, columns) {
+                (found.unit, found.why) = ((*unit).to_owned(), "by the type of the message".to_owned());
+            }
+        }
     }
 
     /// Adds a quantity in the unit that its first column names; `None` if there is one of this kind.
@@ -197,7 +226,8 @@ impl<'a> Finder<'a> {
     fn vectors(&mut self) {
         for k in 0..self.words.len() {
             let Words { stem, unit } = self.words[k].clone();
-            if contains(&stem, &DERIVED) {
+            // The elements of a matrix are no vector.
+            if contains(&stem, &DERIVED) || contains(&stem, &["covariance"]) {
                 continue;
             }
             if let (Some(prefix), Some(y), Some(z)) = (self.words[k].before("x"), self.sibling(k, "x", "y"), self.sibling(k, "x", "z")) {

@@ -11,6 +11,7 @@ mod roles;
 mod sigmas;
 mod stamps;
 mod text;
+mod types;
 mod values;
 mod water;
 mod wheels;

@@ -18,7 +18,7 @@ enum Value {
 }
 
 impl Cells {
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.values.clear();
         self.text.clear();
     }
@@ -28,7 +28,7 @@ impl Cells {
         size_of::<Value>() * self.values.len() + self.text.len()
     }
 
-    pub(super) fn get(&self, column: usize) -> Cell<'_> {
+    pub(crate) fn get(&self, column: usize) -> Cell<'_> {
         match self.values.get(column) {
             Some(Value::Number(number)) => Cell::Number(*number),
             Some(Value::Integer(number)) => Cell::Integer(*number),
@@ -83,5 +83,23 @@ impl Cells {
     /// Adds a cell without content.
     pub fn empty(&mut self) {
         self.text(&[]);
+    }
+
+    /// Adds this number of cells without content.
+    pub fn blanks(&mut self, count: usize) {
+        let values = self.values.len() + count;
+        self.values.resize(values, Value::Text(0, 0));
+    }
+
+    /// Puts the last cell in place of the cell in this column.
+    pub fn move_last(&mut self, column: usize) {
+        if let Some(last) = self.values.pop() {
+            self.values[column] = last;
+        }
+    }
+
+    /// Puts the cell in column `from` in place of the cell in column `to`.
+    pub fn copy(&mut self, from: usize, to: usize) {
+        self.values[to] = self.values[from];
     }
 }

@@ -33,6 +33,14 @@ pub trait MessageReader: Sized + Send + 'static {
     /// It cannot be opened, or is not a log of this format.
     fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError>;
 
+    /// Makes each element of a list of a topic a message, and returns the name of their topic.
+    ///
+    /// # Errors
+    /// The messages of this format have no lists of messages.
+    fn split(&mut self, _topic: &str, _list: &str) -> Result<String, String> {
+        Err("the messages of this format have no lists of messages".to_owned())
+    }
+
     /// Reads on to the next message, and returns the number of its topic in [`topics`](Self::topics). `None` after
     /// the last one.
     ///

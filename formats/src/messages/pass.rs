@@ -71,10 +71,14 @@ impl<R: MessageReader> Pass<R> {
         }
     }
 
-    /// Adds a queue for the messages of a topic; `None` if messages have been read already.
-    pub(super) fn join(&mut self, topic: &str) -> Option<usize> {
+    /// Adds a queue for the messages of a topic, or for the elements of a list of a topic; `None` if messages have been
+    /// read already.
+    pub(super) fn join(&mut self, topic: &str, list: Option<&(String, String)>) -> Option<usize> {
         if self.has_begun {
             return None;
+        }
+        if let Some((topic, list)) = list {
+            self.reader.split(topic, list).ok()?;
         }
         self.queues.push(Queue {
             topic: topic.to_owned(),

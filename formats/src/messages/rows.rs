@@ -20,6 +20,8 @@ pub struct Read<R> {
     file: DataFile,
     context: OpenContext,
     topic: String,
+    /// The topic and its list, if the elements of a list are the rows.
+    list: Option<(String, String)>,
     columns: Vec<String>,
     pub(super) pass: SharedPass<R>,
     pub(super) queue: usize,
@@ -32,22 +34,33 @@ impl<R> fmt::Debug for Read<R> {
     }
 }
 
-/// Opens a topic of a log; without a name, the only topic of the log.
+/// Opens a topic of a log; without a name, the only topic of the log. With a list `each`, its elements are the rows.
 ///
 /// # Errors
-/// The log cannot be opened, or has no such topic, or has several if none is named.
-pub fn open<R: MessageReader>(file: &DataFile, context: &OpenContext, topic: Option<&str>) -> Result<Read<R>, SourceError> {
-    let (topic, columns) = first::<R>(file, context, topic)?;
+/// The log cannot be opened, or has no such topic or list, or has several topics if none is named.
+pub fn open<R: MessageReader>(
+    file: &DataFile,
+    context: &OpenContext,
+    topic: Option<&str>,
+    each: Option<&str>,
+) -> Result<Read<R>, SourceError> {
+    let list = match (topic, each) {
+        (Some(topic), Some(list)) => Some((topic.to_owned(), list.to_owned())),
+        (None, Some(_)) => return Err(BuildError::at("each", "a list needs the `topic` that has it").into()),
+        (_, None) => None,
+    };
+    let (topic, columns) = first::<R>(file, context, topic, list.as_ref())?;
     let pass = context.shared.reader(file.path(), || pass::<R>(file, context))?;
-    let joined = pass.lock().unwrap_or_else(PoisonError::into_inner).join(&topic);
+    let joined = pass.lock().unwrap_or_else(PoisonError::into_inner).join(&topic, list.as_ref());
     let (pass, queue) = match joined {
         Some(queue) => (pass, queue),
-        None => alone(file, context, &topic)?,
+        None => alone(file, context, &topic, list.as_ref())?,
     };
     Ok(Read {
         file: file.clone(),
         context: context.clone(),
         topic,
+        list,
         columns,
         pass,
         queue,
@@ -60,19 +73,32 @@ fn pass<R: MessageReader>(file: &DataFile, context: &OpenContext) -> Result<Mute
 }
 
 /// A pass for one source.
-fn alone<R: MessageReader>(file: &DataFile, context: &OpenContext, topic: &str) -> Result<(SharedPass<R>, usize), SourceError> {
+fn alone<R: MessageReader>(
+    file: &DataFile,
+    context: &OpenContext,
+    topic: &str,
+    list: Option<&(String, String)>,
+) -> Result<(SharedPass<R>, usize), SourceError> {
     let mut pass = Pass::new(R::open(file, context)?, MOST_WAITING);
-    let queue = pass.join(topic).unwrap_or_default();
+    let queue = pass.join(topic, list).unwrap_or_default();
     Ok((Arc::new(Mutex::new(pass)), queue))
 }
 
 /// The name and the columns of a topic, from its first message.
-fn first<R: MessageReader>(file: &DataFile, context: &OpenContext, wanted: Option<&str>) -> Result<(String, Vec<String>), SourceError> {
+fn first<R: MessageReader>(
+    file: &DataFile,
+    context: &OpenContext,
+    topic: Option<&str>,
+    list: Option<&(String, String)>,
+) -> Result<(String, Vec<String>), SourceError> {
     let context = OpenContext {
         unread: Default::default(),
         ..context.clone()
     };
     let mut reader = R::open(file, &context)?;
+    let elements = list.map(|(topic, list)| reader.split(topic, list)).transpose();
+    let elements = elements.map_err(|why| BuildError::at("each", why))?;
+    let wanted = elements.as_deref().or(topic);
     let (mut found, mut broken): (Option<usize>, _) = (None, None);
     loop {
         match reader.advance() {
@@ -112,7 +138,7 @@ fn first<R: MessageReader>(file: &DataFile, context: &OpenContext, wanted: Optio
     };
     let mut help = format!("its topics: {}{further}", known.join(", "));
     if let Some(broken) = broken {
-        help = format!("{help}; it is damaged {broken}");
+        help = format!("{help}; reading ends: {broken}");
     }
     let message = match wanted {
         Some(wanted) => format!("`{name}` has no message of the topic `{wanted}`"),
@@ -126,7 +152,7 @@ impl<R: MessageReader> Read<R> {
     fn catch_up(&mut self) -> Result<(), DataError> {
         let unreadable = |error: SourceError| DataError::new(self.file.name(), error.to_string());
         let done = self.message.number;
-        (self.pass, self.queue) = alone(&self.file, &self.context, &self.topic).map_err(unreadable)?;
+        (self.pass, self.queue) = alone(&self.file, &self.context, &self.topic, self.list.as_ref()).map_err(unreadable)?;
         let mut pass = self.pass.lock().unwrap_or_else(PoisonError::into_inner);
         for _ in 0..done {
             pass.next(self.queue, &mut self.message);

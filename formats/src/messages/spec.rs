@@ -19,6 +19,9 @@ macro_rules! message_format {
                 path: std::path::PathBuf,
                 /// The topic, as `fusion inspect` shows it. A log with one topic needs no name.
                 topic: Option<String>,
+                /// A list of messages in each message, such as `transforms`: its elements are the rows. `valid`
+                /// selects among them.
+                each: Option<String>,
                 /// The clock. The format defines the unit and the zero point of its stamps.
                 #[serde(default)]
                 time: fusion::source::decode::OwnTimeSpec,
@@ -67,7 +70,7 @@ macro_rules! message_format {
                 context: &fusion::source::OpenContext,
             ) -> Result<Box<dyn fusion::rows::RowStream>, fusion::rows::SourceError> {
                 let file = fusion::source::DataFile::new(&self.path, context);
-                let rows = $crate::messages::open::<$Reader>(&file, context, self.topic.as_deref())?;
+                let rows = $crate::messages::open::<$Reader>(&file, context, self.topic.as_deref(), self.each.as_deref())?;
                 self.plan()?.decode(rows, &file, context)
             }
 

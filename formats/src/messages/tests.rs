@@ -112,7 +112,7 @@ impl Folder {
     }
 
     fn open(&self, context: &OpenContext, topic: Option<&str>) -> Result<Read<Lines>, SourceError> {
-        open(&DataFile::new(Path::new("log.lines"), context), context, topic)
+        open(&DataFile::new(Path::new("log.lines"), context), context, topic, None)
     }
 }
 
@@ -169,7 +169,7 @@ fn a_source_that_lies_far_behind_reads_the_log_itself() {
     let mut late = folder.open(&context, Some("a")).unwrap();
     let file = DataFile::new(Path::new("log.lines"), &context);
     let mut pass = Pass::new(Lines::open(&file, &context).unwrap(), 1000);
-    let [a, b] = ["a", "b"].map(|topic| pass.join(topic).unwrap());
+    let [a, b] = ["a", "b"].map(|topic| pass.join(topic, None).unwrap());
     let mut message = Message::default();
     let mut count = 0;
     while matches!(pass.next(b, &mut message), Next::Message) {

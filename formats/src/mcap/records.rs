@@ -1,0 +1,249 @@
+//! The records of an MCAP file: one byte for the kind, eight for the length, then the content.
+
+use crate::bytes::{Bytes, MOST_BYTES, take_counted, take_u32};
+use crate::messages::Broken;
+use crate::unpack::unpack;
+
+const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
+const SCHEMA: u8 = 0x03;
+const CHANNEL: u8 = 0x04;
+const MESSAGE: u8 = 0x05;
+const CHUNK: u8 = 0x06;
+const DATA_END: u8 = 0x0f;
+const FOOTER: u8 = 0x02;
+
+/// A record that a reader of messages needs.
+pub(super) enum Entry {
+    Schema {
+        number: u16,
+        name: String,
+        encoding: String,
+        data: Vec<u8>,
+    },
+    Channel {
+        number: u16,
+        schema: u16,
+        topic: String,
+        encoding: String,
+    },
+    Message {
+        channel: u16,
+        log_time: i64,
+    },
+}
+
+/// The records of a file.
+pub(super) struct Records {
+    bytes: Bytes,
+    record: Vec<u8>,
+    /// The current chunk, and the place of its next record.
+    chunk: Vec<u8>,
+    next: usize,
+    /// The damage after the records of the current chunk.
+    broken: Option<Broken>,
+    has_ended: bool,
+}
+
+impl Records {
+    /// # Errors
+    /// The file does not begin as MCAP does.
+    pub(super) fn open(mut bytes: Bytes) -> Result<Self, String> {
+        let magic = bytes.array().map_err(|broken| broken.message)?;
+        if magic != Some(MAGIC) {
+            return Err("this file does not begin as MCAP does".to_owned());
+        }
+        Ok(Self {
+            bytes,
+            record: Vec::new(),
+            chunk: Vec::new(),
+            next: 0,
+            broken: None,
+            has_ended: false,
+        })
+    }
+
+    /// The next schema, channel or message. The content of a message replaces that of `message`.
+    ///
+    /// # Errors
+    /// The file is cut off or damaged.
+    pub(super) fn next(&mut self, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
+        loop {
+            if self.next < self.chunk.len() {
+                let (entry, length) = in_chunk(&self.chunk[self.next..], message).map_err(|why| self.damage(why))?;
+                self.next += length;
+                match entry {
+                    Some(entry) => return Ok(Some(entry)),
+                    None => continue,
+                }
+            }
+            if let Some(broken) = self.broken.take() {
+                self.has_ended = true;
+                return Err(broken);
+            }
+            if self.has_ended {
+                return Ok(None);
+            }
+            if let Some(entry) = self.top(message)? {
+                return Ok(Some(entry));
+            }
+        }
+    }
+
+    /// A damage inside of the current chunk, or after it.
+    fn damage(&mut self, why: &str) -> Broken {
+        self.has_ended = true;
+        self.chunk.clear();
+        let inside = || Broken::at(self.bytes.at(), format!("a record of the chunk before is damaged: {why}"));
+        self.broken.take().unwrap_or_else(inside)
+    }
+
+    /// The next record outside of chunks, if it is needed.
+    fn top(&mut self, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
+        let from = self.bytes.at();
+        let cut = || Broken::at(from, "the file is cut off");
+        let head: [u8; 9] = self.bytes.array()?.ok_or_else(cut)?;
+        let [kind, length @ ..] = head;
+        let length = u64::from_le_bytes(length);
+        match kind {
+            DATA_END | FOOTER => self.has_ended = true,
+            CHUNK => self.chunk(from, length)?,
+            SCHEMA | CHANNEL | MESSAGE => {
+                self.bytes.read(length, &mut self.record)?;
+                if (self.record.len() as u64) < length {
+                    return Err(cut());
+                }
+                let entry = entry(kind, &self.record, message);
+                return entry
+                    .map(Some)
+                    .ok_or_else(|| Broken::at(from, "a record is shorter than its fields"));
+            }
+            _ if !self.bytes.skip(length)? => return Err(cut()),
+            _ => {}
+        }
+        Ok(None)
+    }
+
+    /// Reads a chunk. A damage in it is reported after the records before it.
+    fn chunk(&mut self, from: u64, length: u64) -> Result<(), Broken> {
+        let broken = |why: &str| Broken::at(from, why);
+        self.bytes.read(length, &mut self.record)?;
+        (self.next, self.broken) = (0, None);
+        self.chunk.clear();
+        let is_cut = (self.record.len() as u64) < length;
+        let head = Head::read(&self.record);
+        let Some(head) = head else {
+            return Err(broken(if is_cut {
+                "the file is cut off"
+            } else {
+                "the head of a chunk is damaged"
+            }));
+        };
+        if head.unpacked > MOST_BYTES {
+            return Err(broken(&format!("a chunk of {} bytes is beyond {MOST_BYTES}", head.unpacked)));
+        }
+        let read = match head.packing {
+            b"" => {
+                self.chunk.extend_from_slice(head.records);
+                Ok(())
+            }
+            packing => unpack(&String::from_utf8_lossy(packing), head.records, head.unpacked, &mut self.chunk),
+        };
+        if is_cut {
+            self.broken = Some(broken("the file is cut off"));
+        } else if let Err(why) = read {
+            self.broken = Some(broken(&why));
+        } else if head.check != 0 && crc32fast::hash(&self.chunk) != head.check {
+            self.chunk.clear();
+            return Err(broken("a chunk does not have its check sum"));
+        }
+        Ok(())
+    }
+}
+
+/// The head of a chunk.
+struct Head<'a> {
+    unpacked: u64,
+    check: u32,
+    packing: &'a [u8],
+    /// As many bytes as there are.
+    records: &'a [u8],
+}
+
+impl<'a> Head<'a> {
+    fn read(record: &'a [u8]) -> Option<Self> {
+        // The times of the first and of the last message.
+        let mut rest = record.get(16..)?;
+        let unpacked = take_u64(&mut rest)?;
+        let check = take_u32(&mut rest)?;
+        let packing = take_counted(&mut rest)?;
+        let packed = usize::try_from(take_u64(&mut rest)?).ok()?;
+        let records = &rest[..packed.min(rest.len())];
+        Some(Self {
+            unpacked,
+            check,
+            packing,
+            records,
+        })
+    }
+}
+
+fn take_u64(bytes: &mut &[u8]) -> Option<u64> {
+    let (first, rest) = bytes.split_first_chunk()?;
+    *bytes = rest;
+    Some(u64::from_le_bytes(*first))
+}
+
+fn take_u16(bytes: &mut &[u8]) -> Option<u16> {
+    let (first, rest) = bytes.split_first_chunk()?;
+    *bytes = rest;
+    Some(u16::from_le_bytes(*first))
+}
+
+/// The record at the front of the rest of a chunk, if it is needed, and its length.
+fn in_chunk(rest: &[u8], message: &mut Vec<u8>) -> Result<(Option<Entry>, usize), &'static str> {
+    let mut bytes = rest;
+    let (kind, left) = bytes.split_first().ok_or("it has no kind")?;
+    bytes = left;
+    let length = take_u64(&mut bytes).and_then(|length| usize::try_from(length).ok());
+    let content = length.and_then(|length| bytes.get(..length)).ok_or("it is cut off")?;
+    let length = rest.len() - bytes.len() + content.len();
+    match kind {
+        &(SCHEMA | CHANNEL | MESSAGE) => {
+            let entry = entry(*kind, content, message).ok_or("it is shorter than its fields")?;
+            Ok((Some(entry), length))
+        }
+        _ => Ok((None, length)),
+    }
+}
+
+/// A schema, channel or message.
+fn entry(kind: u8, mut content: &[u8], message: &mut Vec<u8>) -> Option<Entry> {
+    let bytes = &mut content;
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let number = take_u16(bytes)?;
+    Some(match kind {
+        SCHEMA => Entry::Schema {
+            number,
+            name: text(take_counted(bytes)?),
+            encoding: text(take_counted(bytes)?),
+            data: take_counted(bytes)?.to_vec(),
+        },
+        CHANNEL => Entry::Channel {
+            number,
+            schema: take_u16(bytes)?,
+            topic: text(take_counted(bytes)?),
+            encoding: text(take_counted(bytes)?),
+        },
+        _ => {
+            let _sequence = take_u32(bytes)?;
+            let log_time = take_u64(bytes)?;
+            let _publish_time = take_u64(bytes)?;
+            message.clear();
+            message.extend_from_slice(bytes);
+            Entry::Message {
+                channel: number,
+                log_time: i64::try_from(log_time).unwrap_or(i64::MAX),
+            }
+        }
+    })
+}

@@ -1,0 +1,19 @@
+//! Messages of ROS 1 and ROS 2: their definitions as text, and their two encodings.
+//!
+//! ```text
+//! text ── Definitions ──┐
+//!                       ├──▶ Plan ── walks over each message ──▶ cells
+//! first message ────────┘
+//! ```
+
+mod cursor;
+mod definition;
+mod plan;
+mod schema;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use cursor::Encoding;
+pub(crate) use definition::{Definitions, short_name};
+use plan::{Elements, Plan};
+pub(crate) use schema::schema;

@@ -1,0 +1,220 @@
+//! The records of a bag: a header of named fields, then data, each with its length before it.
+
+use crate::bytes::{Bytes, MOST_BYTES, take_counted, take_u32};
+use crate::messages::Broken;
+use crate::unpack::unpack;
+
+const MAGIC: [u8; 13] = *b"#ROSBAG V2.0\n";
+const MESSAGE: u8 = 0x02;
+const BAG: u8 = 0x03;
+const CHUNK: u8 = 0x05;
+const CONNECTION: u8 = 0x07;
+/// A header has the names of a few fields, and at most one topic.
+const LONGEST_HEADER: u32 = 1 << 20;
+
+/// A record that a reader of messages needs.
+pub(super) enum Entry {
+    Connection {
+        number: u32,
+        topic: String,
+        message_type: String,
+        definition: String,
+    },
+    Message {
+        connection: u32,
+        log_time: i64,
+    },
+}
+
+/// The records of a bag.
+pub(super) struct Records {
+    bytes: Bytes,
+    header: Vec<u8>,
+    data: Vec<u8>,
+    /// The current chunk, and the place of its next record.
+    chunk: Vec<u8>,
+    next: usize,
+    /// The damage after the records of the current chunk.
+    broken: Option<Broken>,
+    /// The place of the index, which follows the chunks.
+    index: u64,
+    has_ended: bool,
+}
+
+impl Records {
+    /// # Errors
+    /// The file does not begin as a bag does.
+    pub(super) fn open(mut bytes: Bytes) -> Result<Self, String> {
+        let magic = bytes.array().map_err(|broken| broken.message)?;
+        if magic != Some(MAGIC) {
+            return Err("this file does not begin as a bag of ROS 1 of version 2.0 does".to_owned());
+        }
+        Ok(Self {
+            bytes,
+            header: Vec::new(),
+            data: Vec::new(),
+            chunk: Vec::new(),
+            next: 0,
+            broken: None,
+            index: 0,
+            has_ended: false,
+        })
+    }
+
+    /// The next connection or message. The content of a message replaces that of `message`.
+    ///
+    /// # Errors
+    /// The bag is cut off or damaged.
+    pub(super) fn next(&mut self, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
+        loop {
+            if self.next < self.chunk.len() {
+                let (entry, length) = in_chunk(&self.chunk[self.next..], message).map_err(|why| self.damage(why))?;
+                self.next += length;
+                match entry {
+                    Some(entry) => return Ok(Some(entry)),
+                    None => continue,
+                }
+            }
+            if let Some(broken) = self.broken.take() {
+                self.has_ended = true;
+                return Err(broken);
+            }
+            if self.has_ended {
+                return Ok(None);
+            }
+            if let Some(entry) = self.top(message)? {
+                return Ok(Some(entry));
+            }
+        }
+    }
+
+    /// A damage inside of the current chunk, or after it.
+    fn damage(&mut self, why: &str) -> Broken {
+        self.has_ended = true;
+        self.chunk.clear();
+        let inside = || Broken::at(self.bytes.at(), format!("a record of the chunk before is damaged: {why}"));
+        self.broken.take().unwrap_or_else(inside)
+    }
+
+    /// The next record outside of chunks, if it is needed.
+    fn top(&mut self, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
+        let from = self.bytes.at();
+        let cut = || Broken::at(from, "the file is cut off");
+        let Some(length) = self.bytes.array()?.map(u32::from_le_bytes) else {
+            self.has_ended = true;
+            let is_whole = self.bytes.at() == from && from >= self.index;
+            return if is_whole { Ok(None) } else { Err(cut()) };
+        };
+        if length > LONGEST_HEADER {
+            return Err(Broken::at(from, format!("the header of a record has {length} bytes")));
+        }
+        self.bytes.read(length.into(), &mut self.header)?;
+        let length = self.bytes.array()?.map(u32::from_le_bytes).ok_or_else(cut)?;
+        let fields = Fields::read(&self.header).ok_or_else(|| Broken::at(from, "the header of a record is damaged"))?;
+        match fields.kind {
+            BAG => self.index = fields.index,
+            CHUNK | CONNECTION | MESSAGE => {}
+            _ => return if self.bytes.skip(length.into())? { Ok(None) } else { Err(cut()) },
+        }
+        self.bytes.read(length.into(), &mut self.data)?;
+        let is_cut = self.data.len() < length as usize;
+        match fields.kind {
+            CHUNK => {
+                (self.next, self.broken) = (0, None);
+                let read = match fields.packing {
+                    b"none" => {
+                        core::mem::swap(&mut self.chunk, &mut self.data);
+                        Ok(())
+                    }
+                    _ if u64::from(fields.size) > MOST_BYTES => Err(format!("a chunk of {} bytes is beyond {MOST_BYTES}", fields.size)),
+                    packing => unpack(&String::from_utf8_lossy(packing), &self.data, fields.size.into(), &mut self.chunk),
+                };
+                self.broken = if is_cut {
+                    Some(cut())
+                } else {
+                    read.err().map(|why| Broken::at(from, why))
+                };
+                Ok(None)
+            }
+            _ if is_cut => Err(cut()),
+            _ => Ok(entry(&fields, &self.data, message)),
+        }
+    }
+}
+
+/// The fields of a header that are needed.
+#[derive(Default)]
+struct Fields<'a> {
+    kind: u8,
+    connection: u32,
+    time: i64,
+    packing: &'a [u8],
+    size: u32,
+    index: u64,
+    topic: &'a [u8],
+    message_type: &'a [u8],
+    definition: &'a [u8],
+}
+
+impl<'a> Fields<'a> {
+    fn read(mut header: &'a [u8]) -> Option<Self> {
+        let mut all = Self::default();
+        while !header.is_empty() {
+            let field = take_counted(&mut header)?;
+            let end = field.iter().position(|byte| *byte == b'=')?;
+            let (name, value) = (&field[..end], &field[end + 1..]);
+            let number = || value.try_into().ok().map(u32::from_le_bytes);
+            match name {
+                b"op" => all.kind = *value.first()?,
+                b"conn" => all.connection = number()?,
+                b"size" => all.size = number()?,
+                b"index_pos" => all.index = u64::from_le_bytes(value.try_into().ok()?),
+                b"time" => {
+                    let mut value = value;
+                    let (seconds, rest) = (take_u32(&mut value)?, take_u32(&mut value)?);
+                    all.time = i64::from(seconds) * 1_000_000_000 + i64::from(rest);
+                }
+                b"compression" => all.packing = value,
+                b"topic" => all.topic = value,
+                b"type" => all.message_type = value,
+                b"message_definition" => all.definition = value,
+                _ => {}
+            }
+        }
+        Some(all)
+    }
+}
+
+/// The record at the front of the rest of a chunk, if it is needed, and its length.
+fn in_chunk(rest: &[u8], message: &mut Vec<u8>) -> Result<(Option<Entry>, usize), &'static str> {
+    let mut bytes = rest;
+    let header = take_counted(&mut bytes).ok_or("it is cut off")?;
+    let data = take_counted(&mut bytes).ok_or("it is cut off")?;
+    let fields = Fields::read(header).ok_or("its header is damaged")?;
+    Ok((entry(&fields, data, message), rest.len() - bytes.len()))
+}
+
+/// A connection or message.
+fn entry(fields: &Fields<'_>, data: &[u8], message: &mut Vec<u8>) -> Option<Entry> {
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    match fields.kind {
+        MESSAGE => {
+            message.clear();
+            message.extend_from_slice(data);
+            Some(Entry::Message {
+                connection: fields.connection,
+                log_time: fields.time,
+            })
+        }
+        CONNECTION => {
+            let about = Fields::read(data)?;
+            Some(Entry::Connection {
+                number: fields.connection,
+                topic: text(fields.topic),
+                message_type: text(about.message_type),
+                definition: text(about.definition),
+            })
+        }
+        _ => None,
+    }
+}
