@@ -24,7 +24,7 @@ pub(super) struct Place {
     steps: Vec<Step>,
 }
 
-/// The columns of a table, and the fields that are none.
+/// The columns of a table, and the fields that cannot be columns.
 #[derive(Debug, Default)]
 pub(super) struct Places {
     pub(super) columns: Vec<Place>,

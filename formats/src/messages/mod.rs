@@ -74,7 +74,7 @@ pub trait MessageReader: Sized + Send + 'static {
     /// empty.
     ///
     /// # Errors
-    /// What is wrong with this message. The next one can be read.
+    /// The mistake of this message. The next one can be read.
     fn decode(&mut self, cells: &mut Cells) -> Result<(), String>;
 }
 
@@ -83,7 +83,7 @@ pub trait MessageReader: Sized + Send + 'static {
 pub struct Broken {
     /// The number of bytes before the damage, if it is known.
     pub at: Option<u64>,
-    /// What is wrong there.
+    /// The damage.
     pub message: String,
 }
 

@@ -26,7 +26,7 @@ impl Message {
     }
 }
 
-/// What a source gets from a pass.
+/// The result of asking a pass for the next message.
 pub(super) enum Next {
     Message,
     End,

@@ -79,7 +79,7 @@ impl EstimateSink for GeoJson {
 }
 
 impl GeoJson {
-    /// A feature on a line of its own.
+    /// Begins a feature on a new line.
     fn begin(&mut self) -> io::Result<()> {
         let comma: &[u8] = if core::mem::take(&mut self.is_first) { b"\n" } else { b",\n" };
         self.file.write_all(comma)

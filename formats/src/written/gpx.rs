@@ -18,7 +18,7 @@ fusion::inventory::submit! {
     }
 }
 
-/// The extension has elements of a namespace of its own, as GPX demands.
+/// GPX demands that the elements of an extension have their own namespace.
 const HEAD: &str = concat!(
     "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n",
     "<gpx version=\"1.1\" creator=\"fusion\" xmlns=\"http://www.topografix.com/GPX/1/1\" xmlns:fusion=\"https://example.org/fusion\">\n",

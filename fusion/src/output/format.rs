@@ -10,7 +10,7 @@ use fusion_core::state::Layout;
 use fusion_core::time::Time;
 use std::io;
 
-/// A format of the estimates of the outermost filter, written beside the CSV files. A crate registers it, and
+/// A format of the estimates of the outermost filter, in addition to the CSV files. A crate registers it, and
 /// `fusion run --out DIR --also NAME` writes it: `estimates.ENDING`, and `smoothed.ENDING` if estimates are smoothed.
 ///
 /// ```
@@ -50,7 +50,7 @@ pub struct EstimateFormat {
     pub name: &'static str,
     /// The ending of its files, without the dot.
     pub ending: &'static str,
-    /// What it has, in a few words.
+    /// Its content, in a few words.
     pub about: &'static str,
     /// Begins a file.
     ///

@@ -367,7 +367,7 @@ fn why_time(log: &Log, clock: &Clock, is_scaled: bool) -> String {
             "guessed: the clock begins anew with each `{number}`, so they are put one after the other"
         ));
     }
-    if clock.origin == Origin::Unix {
+    if clock.origin == Origin::Unix && log.table.format.clock.is_none() {
         why.push("counted since 1970, guessed: so it is of the time of the other files".to_owned());
     }
     if clock.shift != 0.0 {

@@ -2,7 +2,7 @@
 
 use super::Cell;
 use super::header_unit::header_unit;
-use super::instant::{Date, Order, Origin, Scale};
+use super::instant::{Date, Order, Scale, ZeroPoint};
 use super::raw::RawRows;
 use super::spec::{Stamp, Timing};
 use fusion_core::math;
@@ -40,7 +40,7 @@ pub(super) struct Clock {
 #[derive(Clone, Debug)]
 enum Form {
     /// A sum of counts: the nanoseconds per count of each column, and the origin of the counts.
-    Count { units: Vec<i128>, origin: Option<Origin> },
+    Count { units: Vec<i128>, zero: Option<ZeroPoint> },
     /// Rows, or counts of a column, at this rate per second.
     Counter(f64),
     /// A date with the time of day, in one column or in two.
@@ -97,7 +97,7 @@ impl Clock {
     /// GPS time at time zero of the log \[ns\]; `None` if the zero point of the stamps is not declared.
     pub(super) fn time_zero(&self) -> Option<i64> {
         match self.form {
-            Form::Count { origin: None, .. } | Form::Counter(_) => None,
+            Form::Count { zero: None, .. } | Form::Counter(_) => None,
             _ => i64::try_from(self.epoch).ok(),
         }
     }
@@ -207,7 +207,7 @@ impl Form {
         }
         Self::Count {
             units: core::iter::once(unit).chain(each).collect(),
-            origin: spec.counts_from,
+            zero: spec.counts_from.map(ZeroPoint::new),
         }
     }
 
@@ -220,10 +220,10 @@ impl Form {
                 let count = text.parse().ok().and_then(|count| counted_nanos(count, *rate));
                 count.ok_or_else(|| "the epoch of a counter is the count at time zero".to_owned())
             }
-            Self::Count { units, origin } => match (decimal_nanos(text, units[0]), origin) {
+            Self::Count { units, zero } => match (decimal_nanos(text, units[0]), zero) {
                 (Some(count), None) => Ok(count),
-                (Some(count), Some(origin)) => origin.instant(count).ok_or_else(|| "the epoch lies beyond any log".to_owned()),
-                (None, Some(origin)) => of_calendar(origin.scale()),
+                (Some(count), Some(zero)) => zero.instant(count).ok_or_else(|| "the epoch lies beyond any log".to_owned()),
+                (None, Some(zero)) => of_calendar(zero.origin.scale()),
                 (None, None) => {
                     let message = "the epoch is not a number in the unit of the time column; for a date and time say what the \
                                    stamps count from: `counts_from = \"unix\"` or `\"gps\"`";
@@ -244,12 +244,12 @@ impl Form {
         let last = columns.last().copied().unwrap_or_default();
         let text = |column: usize| row.cell(column).text().ok_or((column, "is not text"));
         let instant = match self {
-            Self::Count { units, origin } => {
+            Self::Count { units, zero } => {
                 let mut sum = 0;
                 for (&column, &unit) in columns.iter().zip(units) {
                     sum += cell_nanos(row.cell(column), unit).map_err(|what| (column, what))?;
                 }
-                let counted = origin.map_or(Some(sum), |origin| origin.instant(sum));
+                let counted = zero.as_ref().map_or(Some(sum), |zero| zero.instant(sum));
                 counted.ok_or((last, "is not a time"))?
             }
             Self::Counter(rate) => {

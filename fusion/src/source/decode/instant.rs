@@ -6,6 +6,7 @@
 //! Not here  UTC before 1972, whose seconds were not those of TAI
 
 use super::clock::decimal_nanos;
+use core::cell::Cell;
 use hifitime::{Duration, Epoch, TimeScale};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -90,6 +91,34 @@ impl Origin {
             Self::Unix => Scale::Utc,
             Self::Gps => Scale::Gps,
         }
+    }
+}
+
+/// The zero point of the counts of a column. The leap seconds of a day are looked up once.
+#[derive(Clone, Debug)]
+pub(super) struct ZeroPoint {
+    pub(super) origin: Origin,
+    /// The day of the last count, and how far its instants are ahead of the counts.
+    day: Cell<Option<(i128, i128)>>,
+}
+
+impl ZeroPoint {
+    pub(super) const fn new(origin: Origin) -> Self {
+        Self {
+            origin,
+            day: Cell::new(None),
+        }
+    }
+
+    /// As [`Origin::instant`].
+    pub(super) fn instant(&self, count: i128) -> Option<i128> {
+        let day = count.div_euclid(DAY);
+        if let Some((_, ahead)) = self.day.get().filter(|(known, _)| *known == day) {
+            return Some(count + ahead);
+        }
+        let instant = self.origin.instant(count)?;
+        self.day.set(Some((day, instant - count)));
+        Some(instant)
     }
 }
 
@@ -353,6 +382,29 @@ mod tests {
 
     fn utc(text: &str) -> Result<i128, &'static str> {
         Scale::Utc.instant(text, None)
+    }
+
+    #[test]
+    fn the_leap_seconds_of_a_day_are_those_of_each_of_its_counts() {
+        let zero = ZeroPoint::new(Origin::Unix);
+        // Across the leap seconds of 2015 and 2017 and back, and across time zero.
+        for seconds in [
+            1_435_708_799,
+            1_435_708_800,
+            1_483_228_799,
+            1_483_228_800,
+            1_483_228_799,
+            0,
+            -1,
+            86_399,
+        ] {
+            for nanos in [0, 999_999_999] {
+                let count = seconds * SECOND + nanos;
+                assert_eq!(zero.instant(count), Origin::Unix.instant(count), "{count}");
+            }
+        }
+        assert_eq!(zero.instant(LARGEST), None);
+        assert_eq!(ZeroPoint::new(Origin::Gps).instant(5), Some(5));
     }
 
     #[test]
