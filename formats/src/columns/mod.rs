@@ -14,7 +14,6 @@ mod spec;
 mod tests;
 
 use arrow_array::RecordBatch;
-use arrow_schema::SchemaRef;
 use fusion::rows::SourceError;
 use fusion::source::DataFile;
 use rows::Rows;
@@ -24,8 +23,9 @@ type Batches = Box<dyn Iterator<Item = Result<RecordBatch, String>> + Send>;
 
 #[cfg(feature = "parquet")]
 mod parquet {
-    use super::{Batches, DataFile, Rows, SchemaRef, SourceError, rows, spec::column_format};
+    use super::{Batches, DataFile, Rows, SourceError, rows, spec::column_format};
     use crate::signature::PARQUET;
+    use arrow_schema::SchemaRef;
     use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
     column_format! {
@@ -41,10 +41,13 @@ unit = "deg/s"
 "#;
     }
 
+    /// Rows of a batch.
+    const BATCH: usize = 1024;
+
     fn open(file: &DataFile) -> Result<Rows, SourceError> {
         Rows::new(file, |bytes| {
             let reader = ParquetRecordBatchReaderBuilder::try_new(bytes).map_err(rows::text)?;
-            let reader = reader.with_batch_size(rows::BATCH).build().map_err(rows::text)?;
+            let reader = reader.with_batch_size(BATCH).build().map_err(rows::text)?;
             let schema: SchemaRef = arrow_array::RecordBatchReader::schema(&reader);
             let batches: Batches = Box::new(reader.map(|batch| batch.map_err(rows::text)));
             Ok((schema, batches))

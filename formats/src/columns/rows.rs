@@ -13,9 +13,6 @@ use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// Rows of a batch.
-pub(super) const BATCH: usize = 1024;
-
 /// An error as text.
 pub(super) fn text(error: impl Display) -> String {
     error.to_string()

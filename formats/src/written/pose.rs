@@ -2,7 +2,7 @@
 
 use fusion::output::Origin;
 use fusion::solution::Solution;
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// A position and an attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,39 +25,6 @@ impl Pose {
             q,
         })
     }
-
-    /// From forward, right, down to east, north, up.
-    #[cfg(feature = "mcap")]
-    pub(crate) fn enu_from_frd(&self) -> Matrix3<f64> {
-        (self.q * frd_from_flu().inverse()).to_rotation_matrix().into_inner()
-    }
-}
-
-/// The velocity in the axes of the body: forward, left, up \[m/s\], and its covariance.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Twist {
-    pub(crate) velocity: Vector3<f64>,
-    pub(crate) covariance: Matrix3<f64>,
-}
-
-impl Twist {
-    /// The velocity of a solution; `None` without velocity and attitude.
-    ///
-    /// With v = C v_n and C the turn to the body, δv = C δv_n + v × δθ: δθ is the error of the attitude in body axes.
-    pub(crate) fn of(solution: &Solution) -> Option<Self> {
-        let ((velocity, of_velocity), (q, of_attitude)) = (solution.velocity.as_ref()?, solution.attitude.as_ref()?);
-        let to_body = q.inverse().to_rotation_matrix().into_inner();
-        let v = to_body * velocity;
-        let by_attitude = v.cross_matrix();
-        let across = to_body * solution.with_attitude[1] * by_attitude.transpose();
-        let of_body =
-            to_body * of_velocity * to_body.transpose() + by_attitude * of_attitude * by_attitude.transpose() + across + across.transpose();
-        let left_up = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
-        Some(Self {
-            velocity: left_up * v,
-            covariance: left_up * of_body * left_up,
-        })
-    }
 }
 
 /// A vector north, east, down as east, north, up.
@@ -72,6 +39,6 @@ fn enu_from_ned() -> UnitQuaternion<f64> {
 }
 
 /// A half turn about the forward axis.
-fn frd_from_flu() -> UnitQuaternion<f64> {
+pub(crate) fn frd_from_flu() -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(0.0, 1.0, 0.0, 0.0))
 }

@@ -13,8 +13,9 @@
 
 mod cdr;
 mod definitions;
+mod twist;
 
-use super::pose::{Pose, Twist, to_enu};
+use super::pose::{Pose, to_enu};
 use cdr::Cdr;
 use definitions::{DIAGNOSTICS, FIX, ODOMETRY, TF};
 use fusion::core::belief::Belief;
@@ -28,6 +29,7 @@ use mcap::{WriteOptions, Writer};
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use std::collections::BTreeMap;
 use std::io;
+use twist::{Twist, enu_from_frd};
 
 /// The frames of the messages.
 const WORLD: &str = "map";
@@ -213,7 +215,7 @@ fn pose_covariance(solution: &Solution, pose: &Pose) -> Matrix6<f64> {
         all.fixed_view_mut::<3, 3>(0, 0).copy_from(&enu_covariance(covariance));
     }
     if let Some((_, covariance)) = &solution.attitude {
-        let turn = pose.enu_from_frd();
+        let turn = enu_from_frd(pose);
         all.fixed_view_mut::<3, 3>(3, 3).copy_from(&(turn * covariance * turn.transpose()));
         let to_enu = Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0);
         let across = to_enu * solution.with_attitude[0] * turn.transpose();
