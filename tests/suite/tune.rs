@@ -309,11 +309,9 @@ fn an_edit_of_advice_is_proposed_if_the_half_that_it_has_not_seen_gains() {
 fn a_design_whose_rows_come_from_stages_is_refused() {
     let Some(data) = data() else { return };
     let w = Workspace::new("tune-stages");
-    let design = format!("{ROOT}/configs/real/broad.toml");
-    let refused = stdout(
-        &w.fusion(&["tune", &design, "--data", &data.display().to_string(), "--fix", "copy.toml"])
-            .code(4),
-    );
+    w.write("broad.toml", std::fs::read(format!("{ROOT}/configs/real/broad.toml")).unwrap());
+    let data = data.display().to_string();
+    let refused = stdout(&w.fusion(&["tune", "broad.toml", "--data", &data, "--fix", "copy.toml"]).code(4));
     assert!(
         refused.contains("made by the stage `vertical`") && refused.contains("made by the stage `compass`"),
         "{refused}"
