@@ -79,8 +79,11 @@ impl Origin {
         match self {
             Self::Gps => Some(count),
             Self::Unix => (count.abs() < LARGEST).then(|| {
-                let counted = Epoch::from_unix_duration(Duration::from_total_nanoseconds(count));
-                counted.to_gpst_duration().total_nanoseconds()
+                // A leap second comes at midnight. `hifitime` looks it up by seconds that are rounded, and would have it
+                // some nanoseconds too early.
+                let midnight = count.div_euclid(DAY) * DAY;
+                let day = Epoch::from_unix_duration(Duration::from_total_nanoseconds(midnight));
+                day.to_gpst_duration().total_nanoseconds() + count - midnight
             }),
         }
     }
@@ -403,6 +406,9 @@ mod tests {
                 assert_eq!(zero.instant(count), Origin::Unix.instant(count), "{count}");
             }
         }
+        // The last nanosecond before the leap second of 2015, with 16 seconds.
+        let last = 1_435_708_800 * SECOND - 1;
+        assert_eq!(zero.instant(last), Some(last - (315_964_800 - 16) * SECOND));
         assert_eq!(zero.instant(LARGEST), None);
         assert_eq!(ZeroPoint::new(Origin::Gps).instant(5), Some(5));
     }
