@@ -142,7 +142,9 @@ impl<'a> Finder<'a> {
 
     /// All quantities of the table.
     pub(super) fn all(mut self) -> Vec<Signal> {
-        if let Some(fields) = self.table.topic.as_ref().and_then(|topic| types::fields(&topic.message_type)) {
+        let fields = self.table.topic.as_ref().and_then(|topic| types::fields(&topic.message_type));
+        // A logger may use the name of a type and its own names of fields.
+        if let Some(fields) = fields.filter(|fields| self.has_one_of(fields)) {
             self.typed(fields);
             return self.found;
         }
@@ -155,6 +157,17 @@ impl<'a> Finder<'a> {
         }
         self.unnamed();
         self.found
+    }
+
+    /// Whether the table has a field of a message type.
+    fn has_one_of(&self, fields: types::Fields) -> bool {
+        let names = fields
+            .iter()
+            .flat_map(|(_, names, _)| *names)
+            .map(|name| name.trim_start_matches('-'));
+        names
+            .into_iter()
+            .any(|name| self.table.columns.iter().any(|column| column.name == name))
     }
 
     /// The quantities whose fields have values other than zero.

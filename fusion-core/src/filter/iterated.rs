@@ -13,7 +13,6 @@
 
 use super::rule::{Innovation, Problem, UpdateRule};
 use crate::covariance::{cholesky, solve_lower, solve_rows};
-use crate::linear::BlockMatrix;
 use crate::math;
 
 /// Gauss-Newton on the manifold.
@@ -189,14 +188,12 @@ fn distance(work: &mut Innovation, is_weighed: bool) -> f64 {
 
 /// Residual and H̃ at x̂ ⊞ δ; false where h has no value there.
 pub(super) fn linearise(problem: &mut Problem<'_>, work: &mut Innovation) -> bool {
+    problem.move_to(&work.correction, &mut work.trial.x, &mut work.trial.by);
     // Lent for the time being, for `work` goes to the linearisation as a whole.
-    let mut x = core::mem::take(&mut work.trial.x);
-    let mut by = core::mem::replace(&mut work.trial.by, BlockMatrix::identity(0));
-    problem.move_to(&work.correction, &mut x, &mut by);
+    let x = core::mem::take(&mut work.trial.x);
     let linearised = problem.linearise_at(&x, work);
-    work.jacobian.compose(&by, &mut work.trial.row);
     work.trial.x = x;
-    work.trial.by = by;
+    work.jacobian.compose(&work.trial.by, &mut work.trial.row);
     linearised.is_ok() && work.residual[..work.rows].iter().all(|r| r.is_finite())
 }
 
