@@ -6,7 +6,7 @@ use core::fmt;
 use fusion::models::block::BuildError;
 use fusion::rows::{DataError, SourceError};
 use fusion::source::decode::{Cell, Malformed, RawRows};
-use fusion::source::{DataFile, OpenContext};
+use fusion::source::{DataFile, OpenContext, SharedReaders};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Names in a message about a topic that does not exist; more would hide the message.
@@ -69,7 +69,17 @@ pub fn open<R: MessageReader>(
 }
 
 fn pass<R: MessageReader>(file: &DataFile, context: &OpenContext) -> Result<Mutex<Pass<R>>, SourceError> {
-    Ok(Mutex::new(Pass::new(R::open(file, context)?, MOST_WAITING)))
+    Ok(Mutex::new(Pass::new(reader(file, context)?, MOST_WAITING)))
+}
+
+/// Opens a reader. It gets no shared readers: one that keeps its context would otherwise keep itself, and its file, for
+/// ever.
+fn reader<R: MessageReader>(file: &DataFile, context: &OpenContext) -> Result<R, SourceError> {
+    let context = OpenContext {
+        shared: SharedReaders::default(),
+        ..context.clone()
+    };
+    R::open(file, &context)
 }
 
 /// A pass for one source.
@@ -79,7 +89,7 @@ fn alone<R: MessageReader>(
     topic: &str,
     list: Option<&(String, String)>,
 ) -> Result<(SharedPass<R>, usize), SourceError> {
-    let mut pass = Pass::new(R::open(file, context)?, MOST_WAITING);
+    let mut pass = Pass::new(reader(file, context)?, MOST_WAITING);
     let queue = pass.join(topic, list).unwrap_or_default();
     Ok((Arc::new(Mutex::new(pass)), queue))
 }

@@ -35,6 +35,8 @@ columns = ["x[0]", "x[1]"]
 static OPENED: AtomicUsize = AtomicUsize::new(0);
 
 struct Lines {
+    /// As readers of several files keep it.
+    _context: OpenContext,
     text: BufReader<Box<dyn std::io::Read + Send>>,
     line: String,
     at: u64,
@@ -49,6 +51,7 @@ impl MessageReader for Lines {
         let mut magic = [0; 6];
         bytes.read_exact(&mut magic).unwrap();
         Ok(Self {
+            _context: context.clone(),
             text: BufReader::new(bytes),
             line: String::new(),
             at: 6,
@@ -159,6 +162,18 @@ fn the_sources_of_a_run_read_a_log_once() {
     assert!(OPENED.load(Ordering::Relaxed) - opened <= 2, "other tests open two logs at most");
     // A pass that has begun is not joined.
     assert_eq!(all(folder.open(&context, Some("a")).unwrap()), [1.0, 2.0]);
+}
+
+#[test]
+fn a_log_is_closed_with_its_last_source() {
+    // Longer than all buffers.
+    let folder = Folder::new("closed", &"a 0 1\n".repeat(100_000));
+    let context = folder.context();
+    let unread = context.unread.clone();
+    let mut rows = folder.open(&context, Some("a")).unwrap();
+    assert!(rows.advance().unwrap() && unread.bytes() > 0);
+    drop((rows, context));
+    assert_eq!(unread.bytes(), 0);
 }
 
 #[test]

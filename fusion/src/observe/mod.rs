@@ -3,7 +3,7 @@
 //! ```text
 //!             ┌─▶ EstimateFile, UpdateFile
 //! runner ─▶ Hub ─▶ Statistics, FilterScore, Counters    each makes its own section of the summary
-//!             ├─▶ Smoother ─▶ Hub ─▶ EstimateFile, FormatFile, FilterScore    the same of smoothed estimates
+//!             ├─▶ Smoother ─▶ Hub ─▶ EstimateFile, FilterScore    the same of smoothed estimates
 //!             └─▶ what the caller adds
 //! ```
 //!

@@ -112,7 +112,8 @@ pub trait EstimateSink: Debug {
     /// The errors of the file.
     fn write(&mut self, solution: &Solution, belief: &Belief) -> io::Result<()>;
 
-    /// The health of the filter has changed. A reason is its word and a text that names the sensor or state. Only estimates at their time have a health, smoothed ones have none.
+    /// The health of the filter has changed. A reason is its word and a text that names the sensor or state. Smoothed
+    /// estimates have no health.
     ///
     /// # Errors
     /// The errors of the file.

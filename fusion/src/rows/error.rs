@@ -4,7 +4,7 @@ use crate::config::{Diagnostic, Node, Place};
 use fusion_models::block::BuildError;
 use thiserror::Error;
 
-/// What the place of a row counts in a text file.
+/// The unit in which a text file counts its rows.
 pub const LINE: &str = "line";
 
 /// Something wrong in a file of data.
@@ -15,7 +15,7 @@ pub struct DataError {
     pub file: String,
     /// Its line, from 1, or the number of its message in a log of messages.
     pub line: Option<usize>,
-    /// What `line` counts: [`LINE`], or `message`.
+    /// The unit of `line`: [`LINE`], or `message`.
     pub counted: &'static str,
     /// The error.
     pub message: String,

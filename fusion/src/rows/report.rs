@@ -11,7 +11,7 @@ const EXAMPLES: usize = 3;
 pub struct Example {
     /// Its number in the file, from 1.
     pub number: usize,
-    /// What is counted: lines, or messages.
+    /// The unit of the number: `line`, or `message`.
     pub counted: &'static str,
     /// The text found there.
     pub what: String,

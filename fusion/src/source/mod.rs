@@ -6,8 +6,9 @@
 //! ```
 //!
 //! A format knows only the layout of its rows in a file. A format of another crate implements [`RawRows`] and
-//! [`SourceSpec`], and registers both: see `examples/own-format`, and the crate `fusion-formats` for logs of messages. The meaning of the cells (stamps, channels,
-//! units, validity, the action for a bad row) is declared and decoded in the same way for all formats.
+//! [`SourceSpec`], and registers both: see `examples/own-format`, and the crate `fusion-formats` for logs of
+//! messages. The meaning of the cells (stamps, channels, units, validity, the action for a bad row) is declared and
+//! decoded in the same way for all formats.
 
 mod csv;
 pub mod decode;

@@ -6,7 +6,7 @@ use super::clock::Clock;
 use super::condition::Test;
 use super::jump::{self, After, Jumps};
 use super::plan::Plan;
-use super::raw::{Malformed, RawRows};
+use super::raw::RawRows;
 use super::spec::{Interval, Keep, Policy, Ties};
 use core::ops::Range;
 use fusion_core::time::Time;
@@ -205,16 +205,15 @@ impl Judge {
     fn is_valid(&mut self, raw: &impl RawRows) -> Result<bool, Unused> {
         if let Some(malformed) = raw.malformed() {
             self.is_interval_known = false;
-            let bad = |wrong: Malformed| self.bad(wrong.message, Some(wrong.help));
-            return Err(match malformed.is_last {
-                false => bad(malformed),
-                true => Unused::Wrong(Refusal {
-                    policy: Policy::Skip,
-                    reason: "the end of a damaged file",
-                    message: malformed.message,
-                    help: String::new(),
-                }),
-            });
+            if !malformed.is_last {
+                return Err(self.bad(malformed.message, Some(malformed.help)));
+            }
+            return Err(Unused::Wrong(Refusal {
+                policy: Policy::Skip,
+                reason: "the end of a damaged file",
+                message: malformed.message,
+                help: String::new(),
+            }));
         }
         self.meets(&self.valid, raw)
     }

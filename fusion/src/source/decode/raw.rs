@@ -27,7 +27,7 @@ pub trait RawRows: Send {
     /// The place of the current row in the file, as messages name it: for text, its line, from 1.
     fn place(&self) -> usize;
 
-    /// What [`place`](Self::place) counts: `line`, or `message` for a log of messages.
+    /// The unit of [`place`](Self::place): `line`, or `message` for a log of messages.
     fn counted(&self) -> &'static str {
         LINE
     }
@@ -93,8 +93,8 @@ pub struct Malformed {
     pub message: String,
     /// How to correct it.
     pub help: &'static str,
-    /// The file is cut off or damaged here, and nothing after it can be read. Such a row is reported and does not stop
-    /// a run, whatever `bad_rows` says.
+    /// The file is cut off or damaged here, and no row after it can be read. Such a row is reported. It never stops a
+    /// run, also with `bad_rows = "stop"`.
     pub is_last: bool,
 }
 
