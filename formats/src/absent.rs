@@ -19,6 +19,11 @@ pub(crate) fn file(of: &Signature, path: &std::path::Path) -> DataError {
     DataError::new(path.display().to_string(), message).help(help(of))
 }
 
+/// The error about estimates in this format.
+pub(crate) fn unwritable(of: &Signature) -> String {
+    format!("this program was built without the feature `{}`: {}", of.name, help(of))
+}
+
 fn help(of: &Signature) -> String {
     format!(
         "build it with the feature: `cargo build --release --features {}`, or with all formats: `--features logs`",

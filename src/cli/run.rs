@@ -23,8 +23,8 @@ pub(super) struct RunArgs {
     /// Writes estimates.csv, updates.csv, summary.json and report.html here; creates the folder if necessary.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Writes the estimates in these formats too, with commas between them: `estimates.ENDING`, and `smoothed.ENDING`
-    /// with `--smooth`.
+    /// Writes the estimates of estimates.csv in these formats too, with commas between them: `geojson`, `gpx`, `kml`,
+    /// `mcap`, `parquet`, `tum`. With `--smooth` also the smoothed ones.
     #[arg(long, value_name = "FORMAT,…", requires = "out", value_delimiter = ',', value_parser = estimate_format, conflicts_with_all = ["checkpoint", "resume"])]
     also: Vec<&'static EstimateFormat>,
     /// Seed of simulated data and random faults, instead of the design's.

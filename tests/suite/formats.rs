@@ -85,6 +85,27 @@ fn a_run_writes_its_estimates_for_maps_and_other_programs() {
 }
 
 #[test]
+fn further_formats_have_the_estimates_of_the_table() {
+    fusion_formats::link();
+    let w = Workspace::new("formats-causal");
+    let design = format!("{ROOT}/configs/ins-gps.toml");
+    let late = "simulation.sensor.position.fault.late={ type = \"late\", by = \"2 s\" }";
+    let sets = ["run.output_rate=1 Hz", "run.order=\"rewind\"", "run.rewind.horizon=3 s", late];
+    let sets = sets.iter().flat_map(|set| ["--set", set]);
+    for causal in [false, true] {
+        let args = ["run", &design, "--out", "out", "--also", "tum"].into_iter().chain(sets.clone());
+        let args: Vec<&str> = args.chain(causal.then_some("--causal")).collect();
+        w.fusion(&args).success();
+        let [table, other] = ["estimates.csv", if causal { "revised.csv" } else { "current.csv" }]
+            .map(|file| LogTable::read(&w.path("out").join(file)).unwrap());
+        assert_ne!(column(&table, "n_m"), column(&other, "n_m"), "the late rows change nothing");
+        let tum = w.read("out/estimates.tum");
+        let north: Vec<f64> = tum.lines().map(|line| line.split(' ').nth(2).unwrap().parse().unwrap()).collect();
+        assert_eq!(north, column(&table, "n_m"), "causal: {causal}");
+    }
+}
+
+#[test]
 fn a_bag_of_the_estimates_is_read_back() {
     fusion_formats::link();
     let w = Workspace::new("formats-bag");

@@ -26,6 +26,26 @@ mod tum;
 
 use fusion::source::table::utc_text;
 
+/// Declares a format whose feature is off: a run that asks for it says what to do.
+#[cfg(not(all(feature = "mcap", feature = "parquet")))]
+macro_rules! without {
+    ($feature:literal, $signature:path) => {
+        #[cfg(not(feature = $feature))]
+        fusion::inventory::submit! {
+            fusion::output::EstimateFormat {
+                name: $feature,
+                ending: $feature,
+                about: concat!("not in this program, which was built without the feature `", $feature, "`"),
+                begin: |_, _| Err(std::io::Error::other(crate::absent::unwritable(&$signature))),
+            }
+        }
+    };
+}
+#[cfg(not(all(feature = "mcap", feature = "parquet")))]
+without! { "mcap", crate::signature::MCAP }
+#[cfg(not(all(feature = "mcap", feature = "parquet")))]
+without! { "parquet", crate::signature::PARQUET }
+
 /// The time of a map: UTC with milliseconds, such as `2025-07-08T19:34:18.250Z`.
 fn utc(gps_nanos: i64) -> String {
     let seconds = gps_nanos.div_euclid(1_000_000_000);

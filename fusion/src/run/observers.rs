@@ -98,9 +98,14 @@ impl Run<'_> {
             .for_each(|observer| hub.add_section(observer));
         files.estimates.iter_mut().for_each(|file| hub.add(file));
         files.updates.iter_mut().for_each(|file| hub.add(file));
-        files.also.iter_mut().for_each(|file| hub.add(file));
+        // They have the estimates of estimates.csv.
+        let mut also = files.also.iter_mut();
+        if !self.options.causal || self.assembly.runner.rewinds().is_none() {
+            also.by_ref().for_each(|file| hub.add(file));
+        }
         if self.assembly.runner.rewinds().is_some() {
             let mut current = Hub::new(filters, comparison.as_ref());
+            also.for_each(|file| current.add(file));
             let score = filters.outermost().and_then(|filter| start.score_without_outages(filter));
             score.into_iter().for_each(|score| current.add_section(Box::new(score)));
             files.current.iter_mut().for_each(|file| current.add(file));
