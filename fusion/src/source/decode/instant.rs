@@ -243,11 +243,13 @@ pub(in super::super) fn utc_text(gps_seconds: i64) -> String {
 
 /// Nanoseconds since 1970-01-01 UTC, without leap seconds as computers count, of nanoseconds of GPS time.
 pub(in super::super) fn unix_of_gps(nanos: i64) -> i64 {
-    // From a whole second, as a leap second is looked up by rounded seconds.
-    let second = i128::from(nanos).div_euclid(SECOND) * SECOND;
-    let instant = Epoch::from_gpst_duration(Duration::from_total_nanoseconds(second));
-    let count = instant.to_unix_duration().total_nanoseconds() + i128::from(nanos) - second;
-    i64::try_from(count).unwrap_or(i64::MAX)
+    let nanos = i128::from(nanos);
+    let near = Epoch::from_gpst_duration(Duration::from_total_nanoseconds(nanos));
+    let near = near.to_unix_duration().total_nanoseconds();
+    // In the last half minute before a leap second `hifitime` has it already: the count is the last one that is no later.
+    let is_past = |count: &i128| Origin::Unix.instant(*count).is_some_and(|instant| instant <= nanos);
+    let count = [near + SECOND, near, near - SECOND].into_iter().find(is_past);
+    i64::try_from(count.unwrap_or(near)).unwrap_or(i64::MAX)
 }
 
 /// Days of the calendar since 1970-01-01.
@@ -412,7 +414,10 @@ mod tests {
         // The last nanosecond before the leap second of 2015, with 16 seconds.
         let last = 1_435_708_800 * SECOND - 1;
         assert_eq!(zero.instant(last), Some(last - (315_964_800 - 16) * SECOND));
-        assert_eq!(i128::from(unix_of_gps((last - (315_964_800 - 16) * SECOND) as i64)), last);
+        for count in [last, last - 20 * SECOND, last + 1, last + 20 * SECOND] {
+            let gps = zero.instant(count).unwrap();
+            assert_eq!(i128::from(unix_of_gps(gps as i64)), count, "{count}");
+        }
         assert_eq!(zero.instant(LARGEST), None);
         assert_eq!(ZeroPoint::new(Origin::Gps).instant(5), Some(5));
     }
