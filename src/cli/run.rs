@@ -134,11 +134,13 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     if let Some(kernel) = args.kernel {
         design.set_kernel(kernel);
     }
+    let is_asked = |format: &&EstimateFormat| args.also.iter().any(|also| also.name == format.name);
+    let also: Vec<&EstimateFormat> = EstimateFormat::all().into_iter().filter(is_asked).collect();
     let options = Options {
         data: args.design.data.clone(),
         base: args.design.base(),
         out: args.out.clone(),
-        also: args.also.clone(),
+        also: also.clone(),
         seed: args.seed,
         smooth: args.smoothing(),
         checkpoint: args.checkpoint.clone().map(|file| Checkpoints { file, every: args.every }),
@@ -165,7 +167,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         Some(out) => {
             let smoothed = summary.smoothed().map(|_| "smoothed.csv");
             let firsts = ["estimates"].into_iter().chain(smoothed.map(|_| "smoothed"));
-            let also = firsts.flat_map(|first| args.also.iter().map(move |format| format!("{first}.{}", format.ending)));
+            let also = firsts.flat_map(|first| also.iter().map(move |format| format!("{first}.{}", format.ending)));
             let others = ["updates.csv", "summary.json", "report.html"];
             let revised = summary.current().map(|_| if args.causal { "revised.csv" } else { "current.csv" });
             let names = ["estimates.csv"].into_iter().chain(revised).chain(smoothed).chain(others);

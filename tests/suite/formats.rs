@@ -30,7 +30,7 @@ fn a_run_writes_its_estimates_for_maps_and_other_programs() {
     fusion_formats::link();
     let w = Workspace::new("formats");
     let design = format!("{ROOT}/configs/ins-gps.toml");
-    let also = "geojson,gpx,kml,mcap,parquet,tum";
+    let also = "geojson,gpx,kml,mcap,parquet,tum,kml";
     let set = "run.output_rate=1 Hz";
     let args = ["run", &design, "--set", set, "--out", "out", "--also", also, "--smooth"];
     let shown = stdout(&w.fusion(&args).success());
