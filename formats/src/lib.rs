@@ -13,6 +13,8 @@
 mod absent;
 #[cfg(any(feature = "mcap", feature = "rosbag"))]
 mod bytes;
+#[cfg(any(feature = "mcap", feature = "rosbag"))]
+mod chunks;
 #[cfg(any(feature = "parquet", feature = "arrow"))]
 mod columns;
 #[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]

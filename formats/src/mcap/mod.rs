@@ -102,7 +102,7 @@ impl MessageReader for McapReader {
         Ok(Self {
             context: context.clone(),
             parts,
-            records: Records::open(bytes).map_err(|why| fusion::rows::DataError::new(file.name(), why))?,
+            records: records::open(bytes).map_err(|why| fusion::rows::DataError::new(file.name(), why))?,
             channels: HashMap::new(),
             known: HashMap::new(),
             schemas: HashMap::new(),
@@ -147,7 +147,7 @@ impl MessageReader for McapReader {
                     };
                     let broken = |message: String| Broken { at: None, message };
                     let bytes = bytes.map_err(|error| broken(error.to_string()))?;
-                    self.records = Records::open(bytes).map_err(broken)?;
+                    self.records = records::open(bytes).map_err(broken)?;
                     self.channels.clear();
                     self.schemas.clear();
                 }

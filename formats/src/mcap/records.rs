@@ -1,6 +1,7 @@
 //! The records of an MCAP file: one byte for the kind, eight for the length, then the content.
 
 use crate::bytes::{Bytes, MOST_BYTES, take_counted, take_u32};
+use crate::chunks::{self, Chunk, Layout};
 use crate::messages::Broken;
 use crate::unpack::unpack;
 
@@ -33,82 +34,56 @@ pub(super) enum Entry {
 }
 
 /// The records of a file.
-pub(super) struct Records {
-    bytes: Bytes,
+pub(super) type Records = chunks::Records<Mcap>;
+
+/// How the records of MCAP are written.
+#[derive(Default)]
+pub(super) struct Mcap {
     record: Vec<u8>,
-    /// The current chunk, and the place of its next record.
-    chunk: Vec<u8>,
-    next: usize,
-    /// The damage after the records of the current chunk.
-    broken: Option<Broken>,
-    has_ended: bool,
 }
 
-impl Records {
-    /// # Errors
-    /// The file does not begin as MCAP does.
-    pub(super) fn open(mut bytes: Bytes) -> Result<Self, String> {
-        let magic = bytes.array().map_err(|broken| broken.message)?;
-        if magic != Some(MAGIC) {
-            return Err("this file does not begin as MCAP does".to_owned());
-        }
-        Ok(Self {
-            bytes,
-            record: Vec::new(),
-            chunk: Vec::new(),
-            next: 0,
-            broken: None,
-            has_ended: false,
-        })
+/// The records of a file.
+///
+/// # Errors
+/// The file does not begin as MCAP does.
+pub(super) fn open(mut bytes: Bytes) -> Result<Records, String> {
+    let magic = bytes.array().map_err(|broken| broken.message)?;
+    if magic != Some(MAGIC) {
+        return Err("this file does not begin as MCAP does".to_owned());
     }
+    Ok(Records::new(bytes, Mcap::default()))
+}
 
-    /// The next schema, channel or message. The content of a message replaces that of `message`.
-    ///
-    /// # Errors
-    /// The file is cut off or damaged.
-    pub(super) fn next(&mut self, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
-        loop {
-            if self.next < self.chunk.len() {
-                let (entry, length) = in_chunk(&self.chunk[self.next..], message).map_err(|why| self.damage(why))?;
-                self.next += length;
-                match entry {
-                    Some(entry) => return Ok(Some(entry)),
-                    None => continue,
-                }
+impl Layout for Mcap {
+    type Entry = Entry;
+
+    fn in_chunk(rest: &[u8], message: &mut Vec<u8>) -> Result<(Option<Entry>, usize), &'static str> {
+        let mut bytes = rest;
+        let (kind, left) = bytes.split_first().ok_or("it has no kind")?;
+        bytes = left;
+        let length = take_u64(&mut bytes).and_then(|length| usize::try_from(length).ok());
+        let content = length.and_then(|length| bytes.get(..length)).ok_or("it is cut off")?;
+        let length = rest.len() - bytes.len() + content.len();
+        match kind {
+            &(SCHEMA | CHANNEL | MESSAGE) => {
+                let entry = entry(*kind, content, message).ok_or("it is shorter than its fields")?;
+                Ok((Some(entry), length))
             }
-            if let Some(broken) = self.broken.take() {
-                self.has_ended = true;
-                return Err(broken);
-            }
-            if self.has_ended {
-                return Ok(None);
-            }
-            if let Some(entry) = self.top(message)? {
-                return Ok(Some(entry));
-            }
+            _ => Ok((None, length)),
         }
     }
 
-    /// A damage inside of the current chunk, or after it.
-    fn damage(&mut self, why: &str) -> Broken {
-        self.has_ended = true;
-        self.chunk.clear();
-        let inside = || Broken::at(self.bytes.at(), format!("a record of the chunk before is damaged: {why}"));
-        self.broken.take().unwrap_or_else(inside)
-    }
-
-    /// The next record outside of chunks, if it is needed.
-    fn top(&mut self, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
-        let from = self.bytes.at();
+    fn top(&mut self, bytes: &mut Bytes, chunk: &mut Chunk, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
+        let from = bytes.at();
         let cut = || Broken::at(from, "the file is cut off");
-        let head: [u8; 9] = self.bytes.array()?.ok_or_else(cut)?;
+        let head: [u8; 9] = bytes.array()?.ok_or_else(cut)?;
         let [kind, length @ ..] = head;
         let length = u64::from_le_bytes(length);
         match kind {
-            DATA_END | FOOTER => self.has_ended = true,
-            CHUNK => self.chunk(from, length)?,
+            DATA_END | FOOTER => chunk.has_ended = true,
+            CHUNK => self.read_chunk((bytes, chunk), from, length)?,
             SCHEMA | CHANNEL | MESSAGE => {
-                self.bytes.read(length, &mut self.record)?;
+                bytes.read(length, &mut self.record)?;
                 if (self.record.len() as u64) < length {
                     return Err(cut());
                 }
@@ -117,18 +92,19 @@ impl Records {
                     .map(Some)
                     .ok_or_else(|| Broken::at(from, "a record is shorter than its fields"));
             }
-            _ if !self.bytes.skip(length)? => return Err(cut()),
+            _ if !bytes.skip(length)? => return Err(cut()),
             _ => {}
         }
         Ok(None)
     }
+}
 
+impl Mcap {
     /// Reads a chunk. A damage in it is reported after the records before it.
-    fn chunk(&mut self, from: u64, length: u64) -> Result<(), Broken> {
+    fn read_chunk(&mut self, (bytes, chunk): (&mut Bytes, &mut Chunk), from: u64, length: u64) -> Result<(), Broken> {
         let broken = |why: &str| Broken::at(from, why);
-        self.bytes.read(length, &mut self.record)?;
-        (self.next, self.broken) = (0, None);
-        self.chunk.clear();
+        bytes.read(length, &mut self.record)?;
+        chunk.begin();
         let is_cut = (self.record.len() as u64) < length;
         let head = Head::read(&self.record);
         let Some(head) = head else {
@@ -143,17 +119,17 @@ impl Records {
         }
         let read = match head.packing {
             b"" => {
-                self.chunk.extend_from_slice(head.records);
+                chunk.records.extend_from_slice(head.records);
                 Ok(())
             }
-            packing => unpack(&String::from_utf8_lossy(packing), head.records, head.unpacked, &mut self.chunk),
+            packing => unpack(&String::from_utf8_lossy(packing), head.records, head.unpacked, &mut chunk.records),
         };
         if is_cut {
-            self.broken = Some(broken("the file is cut off"));
+            chunk.broken = Some(broken("the file is cut off"));
         } else if let Err(why) = read {
-            self.broken = Some(broken(&why));
-        } else if head.check != 0 && crc32fast::hash(&self.chunk) != head.check {
-            self.chunk.clear();
+            chunk.broken = Some(broken(&why));
+        } else if head.check != 0 && crc32fast::hash(&chunk.records) != head.check {
+            chunk.records.clear();
             return Err(broken("a chunk does not have its check sum"));
         }
         Ok(())
@@ -197,23 +173,6 @@ fn take_u16(bytes: &mut &[u8]) -> Option<u16> {
     let (first, rest) = bytes.split_first_chunk()?;
     *bytes = rest;
     Some(u16::from_le_bytes(*first))
-}
-
-/// The record at the front of the rest of a chunk, if it is needed, and its length.
-fn in_chunk(rest: &[u8], message: &mut Vec<u8>) -> Result<(Option<Entry>, usize), &'static str> {
-    let mut bytes = rest;
-    let (kind, left) = bytes.split_first().ok_or("it has no kind")?;
-    bytes = left;
-    let length = take_u64(&mut bytes).and_then(|length| usize::try_from(length).ok());
-    let content = length.and_then(|length| bytes.get(..length)).ok_or("it is cut off")?;
-    let length = rest.len() - bytes.len() + content.len();
-    match kind {
-        &(SCHEMA | CHANNEL | MESSAGE) => {
-            let entry = entry(*kind, content, message).ok_or("it is shorter than its fields")?;
-            Ok((Some(entry), length))
-        }
-        _ => Ok((None, length)),
-    }
 }
 
 /// A schema, channel or message.

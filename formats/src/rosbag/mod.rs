@@ -66,7 +66,7 @@ impl BagReader {
 
 impl MessageReader for BagReader {
     fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
-        let records = Records::open(Bytes::open(file, context)?);
+        let records = records::open(Bytes::open(file, context)?);
         Ok(Self {
             records: records.map_err(|why| DataError::new(file.name(), why))?,
             connections: HashMap::new(),

@@ -1,6 +1,7 @@
 //! The records of a bag: a header of named fields, then data, each with its length before it.
 
 use crate::bytes::{Bytes, MOST_BYTES, take_counted, take_u32};
+use crate::chunks::{self, Chunk, Layout};
 use crate::messages::Broken;
 use crate::unpack::unpack;
 
@@ -27,109 +28,78 @@ pub(super) enum Entry {
 }
 
 /// The records of a bag.
-pub(super) struct Records {
-    bytes: Bytes,
+pub(super) type Records = chunks::Records<Bag>;
+
+/// How the records of a bag are written.
+#[derive(Default)]
+pub(super) struct Bag {
     header: Vec<u8>,
     data: Vec<u8>,
-    /// The current chunk, and the place of its next record.
-    chunk: Vec<u8>,
-    next: usize,
-    /// The damage after the records of the current chunk.
-    broken: Option<Broken>,
     /// The place of the index, which follows the chunks.
     index: u64,
-    has_ended: bool,
 }
 
-impl Records {
-    /// # Errors
-    /// The file does not begin as a bag does.
-    pub(super) fn open(mut bytes: Bytes) -> Result<Self, String> {
-        let magic = bytes.array().map_err(|broken| broken.message)?;
-        if magic != Some(MAGIC) {
-            return Err("this file does not begin as a bag of ROS 1 of version 2.0 does".to_owned());
-        }
-        Ok(Self {
-            bytes,
-            header: Vec::new(),
-            data: Vec::new(),
-            chunk: Vec::new(),
-            next: 0,
-            broken: None,
-            index: 0,
-            has_ended: false,
-        })
+/// The records of a file.
+///
+/// # Errors
+/// The file does not begin as a bag does.
+pub(super) fn open(mut bytes: Bytes) -> Result<Records, String> {
+    let magic = bytes.array().map_err(|broken| broken.message)?;
+    if magic != Some(MAGIC) {
+        return Err("this file does not begin as a bag of ROS 1 of version 2.0 does".to_owned());
+    }
+    Ok(Records::new(bytes, Bag::default()))
+}
+
+impl Layout for Bag {
+    type Entry = Entry;
+
+    fn in_chunk(rest: &[u8], message: &mut Vec<u8>) -> Result<(Option<Entry>, usize), &'static str> {
+        let mut bytes = rest;
+        let header = take_counted(&mut bytes).ok_or("it is cut off")?;
+        let data = take_counted(&mut bytes).ok_or("it is cut off")?;
+        let fields = Fields::read(header).ok_or("its header is damaged")?;
+        Ok((entry(&fields, data, message), rest.len() - bytes.len()))
     }
 
-    /// The next connection or message. The content of a message replaces that of `message`.
-    ///
-    /// # Errors
-    /// The bag is cut off or damaged.
-    pub(super) fn next(&mut self, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
-        loop {
-            if self.next < self.chunk.len() {
-                let (entry, length) = in_chunk(&self.chunk[self.next..], message).map_err(|why| self.damage(why))?;
-                self.next += length;
-                match entry {
-                    Some(entry) => return Ok(Some(entry)),
-                    None => continue,
-                }
-            }
-            if let Some(broken) = self.broken.take() {
-                self.has_ended = true;
-                return Err(broken);
-            }
-            if self.has_ended {
-                return Ok(None);
-            }
-            if let Some(entry) = self.top(message)? {
-                return Ok(Some(entry));
-            }
-        }
-    }
-
-    /// A damage inside of the current chunk, or after it.
-    fn damage(&mut self, why: &str) -> Broken {
-        self.has_ended = true;
-        self.chunk.clear();
-        let inside = || Broken::at(self.bytes.at(), format!("a record of the chunk before is damaged: {why}"));
-        self.broken.take().unwrap_or_else(inside)
-    }
-
-    /// The next record outside of chunks, if it is needed.
-    fn top(&mut self, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
-        let from = self.bytes.at();
+    fn top(&mut self, bytes: &mut Bytes, chunk: &mut Chunk, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
+        let from = bytes.at();
         let cut = || Broken::at(from, "the file is cut off");
-        let Some(length) = self.bytes.array()?.map(u32::from_le_bytes) else {
-            self.has_ended = true;
-            let is_whole = self.bytes.at() == from && from >= self.index;
+        let Some(length) = bytes.array()?.map(u32::from_le_bytes) else {
+            chunk.has_ended = true;
+            let is_whole = bytes.at() == from && from >= self.index;
             return if is_whole { Ok(None) } else { Err(cut()) };
         };
         if length > LONGEST_HEADER {
             return Err(Broken::at(from, format!("the header of a record has {length} bytes")));
         }
-        self.bytes.read(length.into(), &mut self.header)?;
-        let length = self.bytes.array()?.map(u32::from_le_bytes).ok_or_else(cut)?;
+        bytes.read(length.into(), &mut self.header)?;
+        let length = bytes.array()?.map(u32::from_le_bytes).ok_or_else(cut)?;
         let fields = Fields::read(&self.header).ok_or_else(|| Broken::at(from, "the header of a record is damaged"))?;
         match fields.kind {
             BAG => self.index = fields.index,
             CHUNK | CONNECTION | MESSAGE => {}
-            _ => return if self.bytes.skip(length.into())? { Ok(None) } else { Err(cut()) },
+            _ => return if bytes.skip(length.into())? { Ok(None) } else { Err(cut()) },
         }
-        self.bytes.read(length.into(), &mut self.data)?;
+        bytes.read(length.into(), &mut self.data)?;
         let is_cut = self.data.len() < length as usize;
         match fields.kind {
             CHUNK => {
-                (self.next, self.broken) = (0, None);
+                chunk.begin();
                 let read = match fields.packing {
                     b"none" => {
-                        core::mem::swap(&mut self.chunk, &mut self.data);
+                        core::mem::swap(&mut chunk.records, &mut self.data);
                         Ok(())
                     }
                     _ if u64::from(fields.size) > MOST_BYTES => Err(format!("a chunk of {} bytes is beyond {MOST_BYTES}", fields.size)),
-                    packing => unpack(&String::from_utf8_lossy(packing), &self.data, fields.size.into(), &mut self.chunk),
+                    packing => unpack(
+                        &String::from_utf8_lossy(packing),
+                        &self.data,
+                        fields.size.into(),
+                        &mut chunk.records,
+                    ),
                 };
-                self.broken = if is_cut {
+                chunk.broken = if is_cut {
                     Some(cut())
                 } else {
                     read.err().map(|why| Broken::at(from, why))
@@ -183,15 +153,6 @@ impl<'a> Fields<'a> {
         }
         Some(all)
     }
-}
-
-/// The record at the front of the rest of a chunk, if it is needed, and its length.
-fn in_chunk(rest: &[u8], message: &mut Vec<u8>) -> Result<(Option<Entry>, usize), &'static str> {
-    let mut bytes = rest;
-    let header = take_counted(&mut bytes).ok_or("it is cut off")?;
-    let data = take_counted(&mut bytes).ok_or("it is cut off")?;
-    let fields = Fields::read(header).ok_or("its header is damaged")?;
-    Ok((entry(&fields, data, message), rest.len() - bytes.len()))
 }
 
 /// A connection or message.
