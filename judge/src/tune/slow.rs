@@ -1,7 +1,8 @@
 //! Slow errors of sensors that a design leaves out, from the autocorrelation of innovations.
 //!
 //! A sensor whose block has a `bias` is run with such a state: the declared one, or one whose variance is so small that
-//! nothing changes. The run then shows how innovations answer a unit error of that state, and so which slow error explains their autocorrelation.
+//! nothing changes. The run then shows how innovations answer a unit error of that state, and so which slow error
+//! explains their autocorrelation.
 //!
 //! Innovations determine σ²/τ of a slow error: how fast it changes. σ and τ alone show only over times that are long
 //! compared with τ, in which the filter must not follow the error.
