@@ -34,11 +34,15 @@ pub enum Role {
     Control,
     /// The task of a simulated vehicle.
     Task,
+    /// A connection to an instrument or to another program, while the filter runs.
+    Link,
+    /// What is sent by a link: estimates in some format.
+    Output,
 }
 
 impl Role {
     /// Every role, in a good order for readers.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 14] = [
         Self::Process,
         Self::Sensor,
         Self::Stage,
@@ -51,6 +55,8 @@ impl Role {
         Self::Vehicle,
         Self::Control,
         Self::Task,
+        Self::Link,
+        Self::Output,
     ];
 
     /// The word used in messages and in the schema.
@@ -69,6 +75,8 @@ impl Role {
             Self::Vehicle => "vehicle",
             Self::Control => "control",
             Self::Task => "task",
+            Self::Link => "link",
+            Self::Output => "output",
         }
     }
 }

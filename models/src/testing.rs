@@ -53,8 +53,8 @@ pub fn check(r: &Registration) -> Result<(), String> {
         Role::Vehicle => vehicle::check(r),
         Role::Control => mission::control(r),
         Role::Task => mission::task(r),
-        // The crate that reads files has the laws of sources: they need files.
-        Role::Source => Ok(()),
+        // The crates that read files and open links have the laws of these roles.
+        Role::Source | Role::Link | Role::Output => Ok(()),
     }
     .map_err(|e| format!("{} `{}`: {e}", r.role.name(), r.name))
 }

@@ -69,7 +69,7 @@ fn list() -> Page {
 fn place(role: Role, name: &str) -> String {
     match role {
         Role::Process => "[process]".to_owned(),
-        Role::Sensor | Role::Stage | Role::Source => format!("[{}.{name}]", role.name()),
+        Role::Sensor | Role::Stage | Role::Source | Role::Link | Role::Output => format!("[{}.{name}]", role.name()),
         Role::Initialiser => format!("[initial.{name}]"),
         Role::Gate => "[sensor.NAME] as `gate`".to_owned(),
         Role::Loss => "[sensor.NAME] as `loss`".to_owned(),

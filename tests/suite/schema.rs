@@ -43,6 +43,15 @@ fn every_example_is_valid() {
             Role::Gate => design["sensor"]["gnss"]["gate"] = block,
             Role::Loss => design["sensor"]["gnss"]["loss"] = block,
             Role::Source => design["source"]["x"] = block,
+            Role::Link => {
+                block["sources"] = json!(["gnss"]);
+                block["clock"] = json!("related");
+                design["link"] = json!({ "x": block });
+            }
+            Role::Output => {
+                block["rate"] = json!("10 Hz");
+                design["output"] = json!({ "x": block });
+            }
             Role::Fault => {
                 design["source"]["gnss"]["fault"] = json!({ "x": block.clone() });
                 let rows = json!({ "rate": "1 Hz", "fault": { "x": block } });

@@ -13,7 +13,7 @@ use schemars::Schema;
 /// inventory::submit! {
 ///     FurtherTable {
 ///         name: "logbook",
-///         schema: || schemars::schema_for!(std::collections::BTreeMap<String, String>),
+///         schema: Some(|| schemars::schema_for!(std::collections::BTreeMap<String, String>)),
 ///         check: |_document, _diagnostics| {},
 ///     }
 /// }
@@ -26,8 +26,8 @@ use schemars::Schema;
 pub struct FurtherTable {
     /// Its name in the design.
     pub name: &'static str,
-    /// Its fields as JSON Schema.
-    pub schema: fn() -> Schema,
+    /// Its fields as JSON Schema; `None` for a table of registered blocks, whose schema is known.
+    pub schema: Option<fn() -> Schema>,
     /// Reports the mistakes of the table, where the document has it.
     pub check: fn(&Document, &mut Diagnostics),
 }

@@ -11,6 +11,8 @@
 //! [source.NAME]         # recorded data, with faults
 //! [simulation]          # or a simulated world
 //! [reference]           # what the run is scored against
+//! [link.NAME]           # connections to instruments and programs, for `fusion live`
+//! [output.NAME]         # what leaves by them
 //! [stress]              # what `fusion stress` does to it
 //! [variant.NAME]        # overrides by path
 //! ```
@@ -24,6 +26,7 @@ mod health;
 mod input;
 mod leaders;
 mod left_out;
+mod links;
 mod names;
 mod nested;
 mod noise;
@@ -41,6 +44,7 @@ pub use further::FurtherTable;
 pub use health::{FloorSpec, HealthSpec, InnovationsSpec, RejectedSpec, SilentSpec};
 pub use input::InputSpec;
 pub use leaders::OnlyWithSpec;
+pub use links::{LinkClock, LinkCommon, OutputCommon};
 pub(crate) use nested::TABLES as FILTER_TABLES;
 pub use noise::NoiseSpec;
 pub use read::Design;

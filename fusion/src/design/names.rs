@@ -4,9 +4,9 @@ use super::Draft;
 use crate::config::{Diagnostic, Diagnostics, Entry, INCLUDE, Node};
 use fusion_models::sim::{REFERENCE, SimulationSpec};
 
-/// Tables at the top level of a design, without those of other crates. The crate that judges designs reads `stress`;
-/// a program without that crate ignores the table.
-const TABLES: [&str; 12] = [
+/// Tables at the top level of a design, without those of other crates. The crate that judges designs reads `stress`, that
+/// of live links `link` and `output`. A program without these crates ignores their tables.
+const TABLES: [&str; 14] = [
     "run",
     "filter",
     "health",
@@ -18,6 +18,8 @@ const TABLES: [&str; 12] = [
     "simulation",
     "reference",
     "stress",
+    "link",
+    "output",
     "variant",
 ];
 

@@ -1,7 +1,8 @@
 //! The filter of a run, as seen by the simulated world that it steers.
 
 use super::{Aboard, Pose};
-use crate::solution::SolutionReader;
+use crate::health::Health;
+use crate::solution::{Solution, SolutionReader};
 use fusion_core::runner::Runner;
 use fusion_core::time::Time;
 
@@ -15,25 +16,33 @@ pub(crate) struct Carried<'a> {
 }
 
 impl Carried<'_> {
-    fn now(&mut self, now: Time) -> Option<Pose> {
+    fn now(&mut self, now: Time) -> Option<&Solution> {
         if !self.runner.started() {
             return None;
         }
         // Without a lag no rows are held back, so the belief is up to date.
         if self.runner.lag() <= 0.0 && self.runner.belief().time >= now {
-            return Pose::of(self.reader.read(self.runner.belief()));
+            return Some(self.reader.read(self.runner.belief()));
         }
-        Pose::of(self.reader.read(&self.runner.predicted(now)?))
+        Some(self.reader.read(&self.runner.predicted(now)?))
     }
 }
 
 impl Aboard for Carried<'_> {
     fn pose(&mut self, now: Time) -> Option<Pose> {
-        let pose = self.now(now);
+        let pose = self.now(now).and_then(Pose::of);
         if let Some(said) = &mut self.said {
             said.push(pose);
         }
         pose
+    }
+
+    fn solution(&mut self, now: Time) -> Option<Solution> {
+        self.now(now).copied()
+    }
+
+    fn health(&self) -> Option<&Health> {
+        Some(self.runner.health())
     }
 }
 

@@ -2,10 +2,12 @@
 
 use super::{Row, SourceReport};
 use crate::config::Diagnostics;
+use crate::health::Health;
 use crate::solution::Solution;
 use core::fmt::Debug;
 use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::memory::Memory;
 use fusion_core::time::Time;
 use fusion_models::sim::Record;
 use nalgebra::UnitQuaternion;
@@ -16,6 +18,16 @@ pub trait Aboard {
     /// The estimated pose at `now`, from all rows fed so far: held-back rows are used, and the rest is predicted.
     /// `None` without an estimate of both position and attitude.
     fn pose(&mut self, now: Time) -> Option<Pose>;
+
+    /// The whole solution at `now`, in the same way; `None` before the filter has started.
+    fn solution(&mut self, _now: Time) -> Option<Solution> {
+        None
+    }
+
+    /// The health of the filter.
+    fn health(&self) -> Option<&Health> {
+        None
+    }
 }
 
 /// A place and an attitude.
@@ -58,6 +70,11 @@ pub trait Feed: Debug {
 
     /// The share of the data that has been read, if the end of the data is known.
     fn share(&self) -> Option<f64> {
+        None
+    }
+
+    /// Its memory for a checkpoint, if it resumes by that memory. Any other feed starts again from its first row.
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
         None
     }
 

@@ -4,6 +4,7 @@ mod advice;
 mod also;
 pub mod examine;
 mod faults;
+mod feeding;
 mod files;
 mod observers;
 mod recorded;
@@ -16,6 +17,7 @@ pub use crate::observe::{Counts, Failures, FinalState, InsideScore, Smoothed, St
 pub use crate::rows::{KeptRows, SourceStatistics};
 pub use advice::{Advisor, Finding, Ignored, Rule};
 pub use faults::FaultWindow;
+pub use feeding::FeedMaker;
 pub use files::Finished;
 pub use recorded::open_one;
 pub use saving::Checkpoints;
@@ -76,6 +78,8 @@ pub struct Options {
     pub data: Option<PathBuf>,
     /// Rows that a program supplies instead of the files of sources, by source name.
     pub rows: BTreeMap<String, Supply>,
+    /// The feed of the run, instead of the design's sources or simulated world.
+    pub feed: Option<FeedMaker>,
     /// Decoded rows that several runs over the same sources share.
     pub kept: Option<KeptRows>,
     /// Where the design's own relative paths start: the folder of its file.
@@ -249,7 +253,7 @@ fn feed(
     let stop = design.run.stop.map_or(Time::MAX, |t| Time::from_seconds(t.si()));
     let mut count = 0_u32;
     loop {
-        saving.save_in_time(runner, hub, timing)?;
+        saving.save_in_time((runner, hub, timing), &mut *data.rows)?;
         let said = saving.said();
         count = count.wrapping_add(1);
         let told = count.is_multiple_of(4096).then(|| data.rows.share());
@@ -308,6 +312,12 @@ struct RunData {
 impl RunData {
     /// Opens the recorded sources of a design, or makes its simulated world.
     fn open(design: &Design, assembly: &Assembly, options: &Options, course: Option<&SharedCourse>) -> Result<Self, Diagnostics> {
+        if let Some(feed) = &options.feed {
+            return Ok(Self {
+                reference: Reference::None,
+                rows: feed.make(design, assembly)?,
+            });
+        }
         let Some(simulation) = &design.simulation else {
             return recorded::open(design, assembly, options);
         };

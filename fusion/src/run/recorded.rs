@@ -91,6 +91,7 @@ fn open_all<'a>(design: &'a Design, options: &Options, unread: &Unread) -> Resul
             unread: unread.clone(),
             shared: shared.clone(),
             rows: options.rows.get(&named.name).cloned(),
+            arriving: None,
         };
         let open = || undisturbed(&named.block, &context);
         let rows = match &options.kept {

@@ -5,7 +5,7 @@
 //! going on         FILE ─▶ runner, observers;   files cut to what they had;   as many rows passed over
 //! ```
 //!
-//! Sources are read again from their beginning, so that their random numbers repeat. A world whose vehicle
+//! A feed with a memory resumes by it. Other sources are read again from their beginning, so that their random numbers repeat. A world whose vehicle
 //! is steered by the filter receives the recorded poses of the filter again.
 
 use super::{Options, RunData, Smoothing, stopped};
@@ -14,8 +14,7 @@ use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::{Hub, Timing};
 use crate::output::Unwritable;
-use crate::rows::Again;
-use crate::rows::Pose;
+use crate::rows::{Again, Feed, Pose};
 use fusion_core::covariance::Kernel;
 use fusion_core::memory::{self, Memory, Tape};
 use fusion_core::runner::{Runner, StreamId};
@@ -44,6 +43,8 @@ pub(super) struct Saving<'o> {
     from: Option<&'o Path>,
     fingerprint: u64,
     progress: Progress,
+    /// Its rows come from outside, at any rate.
+    is_live: bool,
     /// The time of the last save.
     last: Instant,
     /// The content of the file.
@@ -65,6 +66,8 @@ fusion_core::memory!(Progress { rows, last, said });
 /// Everything that is saved.
 struct Whole<'a, 'h> {
     progress: &'a mut Progress,
+    /// A feed that resumes by its memory.
+    feed: Option<&'a mut dyn Memory>,
     runner: &'a mut Runner,
     hub: &'a mut Hub<'h>,
     timing: &'a mut Timing,
@@ -73,6 +76,9 @@ struct Whole<'a, 'h> {
 impl Memory for Whole<'_, '_> {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         self.progress.remember(tape);
+        if let Some(feed) = &mut self.feed {
+            feed.remember(tape);
+        }
         self.runner.remember(tape);
         self.hub.remember(tape);
         self.timing.remember(tape);
@@ -91,6 +97,7 @@ impl<'o> Saving<'o> {
             from: options.resume.as_deref(),
             fingerprint: fingerprint_of_run(&design.document, &told(design, options)),
             progress: Progress::default(),
+            is_live: options.feed.is_some(),
             last: Instant::now(),
             bytes: Vec::new(),
         };
@@ -149,12 +156,16 @@ impl<'o> Saving<'o> {
         let progress = &mut self.progress;
         let mut whole = Whole {
             progress,
+            feed: data.rows.memory(),
             runner,
             hub,
             timing,
         };
         memory::restore(&mut whole, &self.bytes).map_err(|error| failed(from, error))?;
         hub.resume().map_err(stopped)?;
+        if data.rows.memory().is_some() {
+            return Ok(());
+        }
         self.pass(data).map_err(|why| match why {
             Passed::Failed(d) => d,
             Passed::Other(row) => {
@@ -200,11 +211,15 @@ impl<'o> Saving<'o> {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub(super) fn save_in_time(&mut self, runner: &mut Runner, hub: &mut Hub<'_>, timing: &mut Timing) -> Result<(), Diagnostics> {
+    pub(super) fn save_in_time(
+        &mut self,
+        (runner, hub, timing): (&mut Runner, &mut Hub<'_>, &mut Timing),
+        rows: &mut dyn Feed,
+    ) -> Result<(), Diagnostics> {
         let Some(Checkpoints { file, every }) = self.to else {
             return Ok(());
         };
-        if !self.progress.rows.is_multiple_of(LOOK) || self.last.elapsed() < *every {
+        if !self.progress.rows.is_multiple_of(LOOK) && !self.is_live || self.last.elapsed() < *every {
             return Ok(());
         }
         hub.flush().map_err(stopped)?;
@@ -212,6 +227,7 @@ impl<'o> Saving<'o> {
         let progress = &mut self.progress;
         let mut whole = Whole {
             progress,
+            feed: rows.memory(),
             runner,
             hub,
             timing,
@@ -247,6 +263,7 @@ fn told(design: &Design, options: &Options) -> String {
         checkpoint: _,
         resume: _,
         rows: _,
+        feed: _,
         ignored: _,
         kept: _,
     } = options;

@@ -47,7 +47,7 @@ impl DataFile {
         self.opened.display().to_string()
     }
 
-    /// Its bytes, unpacked if it is gzip-compressed.
+    /// Its bytes, unpacked if it is gzip-compressed; or those that arrive in its place, as they are.
     ///
     /// # Errors
     /// It cannot be opened, or is UTF-16 text.
@@ -56,6 +56,9 @@ impl DataFile {
             let message = format!("`{}` cannot be read: {}", self.declared.display(), in_words(&error));
             BuildError::at("path", message).help(self.whereabouts(context))
         };
+        if let Some(arriving) = &context.arriving {
+            return Ok(arriving.take());
+        }
         let mut file = File::open(&self.opened).map_err(unreadable)?;
         let metadata = file.metadata().map_err(unreadable)?;
         if metadata.is_dir() {

@@ -14,6 +14,7 @@ mod csv;
 pub mod decode;
 mod file;
 mod format;
+mod link;
 mod mat;
 mod rtklib;
 mod shared;
@@ -26,6 +27,7 @@ pub use self::csv::CsvSpec;
 pub(crate) use self::decode::have_rows_in_common;
 pub use self::file::DataFile;
 pub use self::format::{LogFormat, OwnClock};
+pub use self::link::ArrivingBytes;
 pub use self::mat::MatSpec;
 pub use self::rtklib::RtklibSpec;
 pub use self::shared::SharedReaders;
@@ -57,6 +59,8 @@ pub struct OpenContext {
     pub shared: SharedReaders,
     /// Rows in place of the source's file.
     pub rows: Option<Supply>,
+    /// Bytes in place of the source's file, while they arrive.
+    pub arriving: Option<ArrivingBytes>,
 }
 
 impl OpenContext {

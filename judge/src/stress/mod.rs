@@ -130,7 +130,7 @@ fn check(document: &fusion::config::Document, d: &mut Diagnostics) {
 fusion::inventory::submit! {
     fusion::design::FurtherTable {
         name: TABLE,
-        schema: || schemars::schema_for!(CatalogueSpec),
+        schema: Some(|| schemars::schema_for!(CatalogueSpec)),
         check,
     }
 }

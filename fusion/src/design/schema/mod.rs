@@ -11,7 +11,10 @@
 mod choices;
 
 use crate::config::INCLUDE;
-use crate::design::{FILTER_TABLES, FilterSpec, FurtherTable, HealthSpec, InputSpec, NoiseSpec, OnlyWithSpec, ReferenceSpec, RunSpec};
+use crate::design::{
+    FILTER_TABLES, FilterSpec, FurtherTable, HealthSpec, InputSpec, LinkCommon, NoiseSpec, OnlyWithSpec, OutputCommon, ReferenceSpec,
+    RunSpec,
+};
 use fusion_models::param::ScalarParam;
 use fusion_models::registry::{self, Registration, Role};
 use fusion_models::sim::SimulationSpec;
@@ -70,11 +73,21 @@ pub(super) fn whole() -> Whole {
             ),
         ),
         ("source", s.named(Role::Source, "Recorded data by name.")),
+        (
+            "link",
+            s.named(Role::Link, "Connections to instruments and programs by name, for `fusion live`."),
+        ),
+        (
+            "output",
+            s.named(Role::Output, "Estimates that leave while the filter runs, by name."),
+        ),
         ("simulation", simulation),
         ("reference", s.of::<ReferenceSpec>("reference")),
     ];
     for table in FurtherTable::all() {
-        sections.push((table.name, s.adopt((table.schema)().to_value(), table.name)));
+        if let Some(schema) = table.schema {
+            sections.push((table.name, s.adopt(schema().to_value(), table.name)));
+        }
     }
     for (table, schema) in &sections {
         if FILTER_TABLES.contains(table) {
@@ -206,6 +219,7 @@ impl Builder {
         let gate = self.any(Role::Gate, "Accepts or rejects each measurement; without a gate, all are accepted.");
         let loss = self.any(Role::Loss, "Weighs each measurement; without one, least squares.");
         let faults = self.named(Role::Fault, "Faults of the rows, by name, applied in order.");
+        let (link, output) = (self.of::<LinkCommon>("link"), self.of::<OutputCommon>("output"));
         for block in registry::all() {
             let Some(schema) = self.defs.get_mut(&definition(block.role, block.name)) else {
                 continue;
@@ -230,6 +244,8 @@ impl Builder {
                 }
                 Role::Stage | Role::Initialiser => property(schema, "enabled", enabled.clone()),
                 Role::Source => property(schema, "fault", faults.clone()),
+                Role::Link => join(schema, &link),
+                Role::Output => join(schema, &output),
                 _ => {}
             }
         }
@@ -327,6 +343,16 @@ fn property(schema: &mut Value, name: &str, value: Value) {
         if let Some(properties) = properties.as_object_mut() {
             properties.insert(name.to_owned(), value);
         }
+    }
+}
+
+/// Adds the properties of a table that all blocks of a role share.
+fn join(schema: &mut Value, shared: &Value) {
+    for (name, value) in shared["properties"].as_object().into_iter().flatten() {
+        property(schema, name, value.clone());
+    }
+    for name in shared["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        require(schema, name);
     }
 }
 

@@ -55,6 +55,8 @@ pub(super) struct Judge {
     terms: Vec<Vec<Term>>,
     channels: Vec<Placed>,
     needs_interval: bool,
+    /// Rows are decoded while they arrive, without those after them.
+    is_live: bool,
     /// The nominal interval \[s\].
     nominal: Option<f64>,
     /// Whether increments always cover the nominal interval.
@@ -102,7 +104,7 @@ pub(super) struct Places {
 }
 
 impl Judge {
-    pub(super) fn new(plan: Plan<'_>, places: Places) -> Self {
+    pub(super) fn new(plan: Plan<'_>, places: Places, is_live: bool) -> Self {
         let Plan { spec, mut clock, channels } = plan;
         let Places {
             stamp,
@@ -126,7 +128,8 @@ impl Judge {
         Self {
             clock,
             jumps: Jumps::new(spec.timing.max_jump.map(|d| d.si()), nominal),
-            bad_rows: spec.bad_rows,
+            bad_rows: if is_live { Policy::Skip } else { spec.bad_rows },
+            is_live,
             backwards: spec.timing.backwards,
             ties: spec.timing.ties,
             keep: spec.keep,
@@ -247,7 +250,7 @@ impl Judge {
     }
 
     fn check_order(&self, stamp: i64) -> Result<(), Unused> {
-        let Some(last) = self.stamp.filter(|last| stamp <= *last) else {
+        let Some(last) = self.stamp.filter(|last| stamp <= *last && !self.is_live) else {
             return Ok(());
         };
         let (now, before) = (Time::from_nanos(stamp), Time::from_nanos(last));
@@ -274,7 +277,7 @@ impl Judge {
 
     /// Accepts a stamp that jumps ahead if none of the following stamps goes back.
     fn check_jump(&mut self, stamp: i64, raw: &mut Ahead<impl RawRows>, number: u64) -> Result<(), Unused> {
-        if !self.jumps.is_in_doubt(self.stamp, stamp) {
+        if self.is_live || !self.jumps.is_in_doubt(self.stamp, stamp) {
             return Ok(());
         }
         let (mut after, mut before) = (After::Nothing, None);

@@ -62,7 +62,7 @@ impl Plan<'_> {
         }
         Ok(Box::new(Decoded {
             file: file.name(),
-            judge: Judge::new(self, places),
+            judge: Judge::new(self, places, context.arriving.is_some()),
             raw: Ahead::new(raw),
             provided,
             unread,
