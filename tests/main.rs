@@ -82,6 +82,10 @@ mod inspect;
 /// Time offsets that are estimated: recorded logs, and a simulated drive with noisy accelerometers.
 #[path = "suite/latency.rs"]
 mod latency;
+/// Live links over loopback, their record, kills and resumes.
+#[cfg(unix)]
+#[path = "suite/live.rs"]
+mod live;
 /// A magnetometer with hard iron and disturbances.
 #[path = "suite/magnetometer.rs"]
 mod magnetometer;

@@ -16,11 +16,31 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
+mod arrival;
+mod decoder;
+mod feed;
+mod inbox;
+mod latency;
+mod leaving;
 pub mod link;
 pub mod output;
+mod placing;
+mod record;
+mod relation;
+mod resume;
+mod run;
+mod sensors;
+mod status;
+mod table;
 
+pub use arrival::ArrivalClock;
+pub use latency::Latency;
 pub use link::{Ends, LinkSpec, Received, Receiver, Sender};
 pub use output::{About, Outgoing, Output, OutputSpec, SensorNow};
+pub use relation::Relation;
+pub use run::{Live, LiveOptions};
+pub use sensors::Watch;
+pub use status::{LinkStatus, OutputStatus, SourceStatus, Status};
 
 /// Links the blocks into a program; call it once, so that the linker keeps them.
 pub const fn link_blocks() {}

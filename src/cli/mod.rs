@@ -12,6 +12,7 @@ mod check;
 mod compare;
 mod fix;
 mod inspect;
+mod live;
 mod merge;
 mod montecarlo;
 mod new;
@@ -82,6 +83,19 @@ Examples:
   fusion run drive.toml --strict                 exit code 3 unless the filter was in good health
   fusion run drive.toml --ignore nis-small --fix drive2.toml    a copy with the edits of the other findings")]
     Run(run::RunArgs),
+    /// Run a design on live links: instruments and programs that send rows while it runs.
+    ///
+    /// The tables [link.NAME] of the design say where bytes come from and which sources read them, [output.NAME] which
+    /// estimates leave and how often. It runs until its links end, until `--for`, or until SIGINT or SIGTERM; then it
+    /// writes its results as `fusion run` does. A link that is lost is opened again.
+    #[command(after_long_help = "\
+Examples:
+  fusion live boat.toml --record dive.mcap --out results
+  fusion run boat.toml --replay dive.mcap    the same estimates from the record, to the last bit
+  fusion live boat.toml --record dive.mcap --out results --checkpoint saved --every '10 s'
+  fusion live boat.toml --record dive.mcap --out results --checkpoint saved --resume saved    after a kill
+  fusion live boat.toml --for '60 s' --status '1 s'")]
+    Live(live::LiveArgs),
     /// Check a design and show its resolved form, without running it.
     ///
     /// Shows the state layout, sensors, stages, initialisers, sources and faults. The exit code is
@@ -462,6 +476,7 @@ impl From<std::io::Error> for Failure {
 /// Runs the command.
 pub fn main() -> ExitCode {
     fusion_formats::link();
+    fusion_live::link_blocks();
     #[cfg(unix)]
     if let Err(error) = stop::watch() {
         report(&Diagnostic::warning(format!("a stop may leave unfinished files: {error}")).into());
@@ -470,6 +485,7 @@ pub fn main() -> ExitCode {
     let done = match command {
         Command::Allan(args) => allan::allan(&args),
         Command::Run(args) => run::run(&args),
+        Command::Live(args) => live::live(&args),
         Command::Check(args) => check::check(&args),
         Command::Blocks(args) => blocks::blocks(&args),
         Command::New(args) => new::new(&args),

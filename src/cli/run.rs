@@ -8,11 +8,12 @@ use fusion::config::{Diagnostics, Edit};
 use fusion::core::covariance::Kernel;
 use fusion::design::Design;
 use fusion::models::units::{self, Dimensional, dim};
+use fusion::observe::RunObserver;
 use fusion::output::EstimateFormat;
-use fusion::run::{self, Checkpoints, Keep, Options, Smoothing, Summary, run as run_design};
+use fusion::run::{self, Checkpoints, Keep, Options, Run, Smoothing, Summary};
 use fusion_present::Shown;
 use fusion_present::report;
-use fusion_tables::{Section, Table};
+use fusion_tables::{Page, Section, Table};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -65,6 +66,10 @@ pub(super) struct RunArgs {
     /// the same, to the last bit, as without a stop. Give `--checkpoint FILE` too to continue saving.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
+    /// Runs on the record of a live run, which `fusion live --record` has written, instead of the design's data: the
+    /// estimates are those of the live run, to the last bit.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["data", "resume", "checkpoint"])]
+    replay: Option<PathBuf>,
     /// Prints all tables: sources, innovations, errors per axis, consistency, outages, estimated parameters.
     #[arg(short, long)]
     verbose: bool,
@@ -134,42 +139,65 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     if let Some(kernel) = args.kernel {
         design.set_kernel(kernel);
     }
+    let feed = args
+        .replay
+        .as_deref()
+        .map(|record| super::live::replay(&design, record))
+        .transpose()?;
     let is_asked = |format: &&EstimateFormat| args.also.iter().any(|also| also.name == format.name);
     let also: Vec<&EstimateFormat> = EstimateFormat::all().into_iter().filter(is_asked).collect();
     let options = Options {
         data: args.design.data.clone(),
         base: args.design.base(),
         out: args.out.clone(),
-        also: also.clone(),
+        also,
         seed: args.seed,
         smooth: args.smoothing(),
         checkpoint: args.checkpoint.clone().map(|file| Checkpoints { file, every: args.every }),
         resume: args.resume.clone(),
         causal: args.causal,
         ignored,
+        feed,
         ..Options::default()
     };
     let mut progress = Progress::new(&design);
-    let mut at = |to| progress.at(to);
-    let summary = match args.out {
-        Some(_) => reported(&design, &options, &mut at),
-        None => run_design(&design, &options, &mut at),
-    };
+    let summary = results(&design, &options, &mut [], &mut |to| progress.at(to));
     progress.finish();
     let summary = summary?;
-    let is_brief = !args.verbose && args.output.format == Format::Text;
-    let mut page = if is_brief {
-        Shown(&summary).brief()
-    } else {
-        Shown(&summary).page()
-    };
-    page.sections.push(match &args.out {
+    let mut page = page(&summary, &options, args.verbose, args.output.format);
+    let edits: Vec<Edit> = summary.findings().iter().flat_map(|finding| finding.edits.clone()).collect();
+    page.sections.extend(args.advice.fix.write(&args.design, &edits)?);
+    args.output.print(&page)?;
+    let is_ill = summary.health().iter().any(|h| !h.is_good());
+    if args.strict && is_ill { Err(Failure::Health) } else { Ok(()) }
+}
+
+/// Runs a design; with a folder to write to, also writes its files and the report.
+pub(super) fn results(
+    design: &Design,
+    options: &Options,
+    further: &mut [&mut dyn RunObserver],
+    progress: &mut dyn FnMut(run::Progress),
+) -> Result<Summary, Diagnostics> {
+    match options.out {
+        Some(_) => reported(design, options, further, progress),
+        None => Ok(Run::open(design, options)?.go(further, progress)?.keep()?),
+    }
+}
+
+/// The page of a run.
+pub(super) fn page(summary: &Summary, options: &Options, verbose: bool, format: Format) -> Page {
+    let is_brief = !verbose && format == Format::Text;
+    let mut page = if is_brief { Shown(summary).brief() } else { Shown(summary).page() };
+    page.sections.push(match &options.out {
         Some(out) => {
             let smoothed = summary.smoothed().map(|_| "smoothed.csv");
             let firsts = ["estimates"].into_iter().chain(smoothed.map(|_| "smoothed"));
-            let also = firsts.flat_map(|first| also.iter().map(move |format| format!("{first}.{}", format.ending)));
+            let also = firsts.flat_map(|first| options.also.iter().map(move |format| format!("{first}.{}", format.ending)));
             let others = ["updates.csv", "summary.json", "report.html"];
-            let revised = summary.current().map(|_| if args.causal { "revised.csv" } else { "current.csv" });
+            let revised = summary
+                .current()
+                .map(|_| if options.causal { "revised.csv" } else { "current.csv" });
             let names = ["estimates.csv"].into_iter().chain(revised).chain(smoothed).chain(others);
             written(names.map(str::to_owned).chain(also).map(|f| out.join(f)))
         }
@@ -178,11 +206,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     if is_brief {
         page.sections.push(Section::new("", []).note("`--verbose` shows all tables."));
     }
-    let edits: Vec<Edit> = summary.findings().iter().flat_map(|finding| finding.edits.clone()).collect();
-    page.sections.extend(args.advice.fix.write(&args.design, &edits)?);
-    args.output.print(&page)?;
-    let is_ill = summary.health().iter().any(|h| !h.is_good());
-    if args.strict && is_ill { Err(Failure::Health) } else { Ok(()) }
+    page
 }
 
 /// Files that were written.
@@ -193,8 +217,13 @@ pub(super) fn written(files: impl IntoIterator<Item = PathBuf>) -> Section {
 }
 
 /// Runs a design and writes its files, report.html among them.
-fn reported(design: &Design, options: &Options, progress: &mut dyn FnMut(run::Progress)) -> Result<Summary, Diagnostics> {
-    let (mut finished, recording) = report::record(design, options, &mut [], progress)?;
+fn reported(
+    design: &Design,
+    options: &Options,
+    further: &mut [&mut dyn RunObserver],
+    progress: &mut dyn FnMut(run::Progress),
+) -> Result<Summary, Diagnostics> {
+    let (mut finished, recording) = report::record(design, options, further, progress)?;
     if let Some(files) = &mut finished.files {
         let run = report::Run {
             name: "estimate",

@@ -20,6 +20,14 @@ pub(super) fn search() -> Arc<AtomicBool> {
     Arc::clone(SEARCH.get_or_init(Arc::default))
 }
 
+/// Becomes true at the first signal, while a design runs live.
+static LIVE: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+
+/// From now on, the first signal does not end the process: it makes this true.
+pub(super) fn live() -> Arc<AtomicBool> {
+    Arc::clone(LIVE.get_or_init(Arc::default))
+}
+
 /// Ends the process at the first of these signals, with 128 and its number as the shell expects.
 ///
 /// # Errors
@@ -36,6 +44,10 @@ pub(super) fn watch() -> std::io::Result<()> {
             let search = SEARCH.get().filter(|_| signal == SIGINT);
             if search.is_some_and(|is_stopped| !is_stopped.swap(true, Ordering::SeqCst)) {
                 report_line("\nthe search ends with the best so far; a second Ctrl-C ends it without a result");
+                continue;
+            }
+            if LIVE.get().is_some_and(|is_stopped| !is_stopped.swap(true, Ordering::SeqCst)) {
+                report_line("\nthe run ends and writes its results; a second signal ends it at once");
                 continue;
             }
             is_ending.store(true, Ordering::SeqCst);

@@ -53,6 +53,7 @@ chapters! {
     health: "health.md",
     false_fixes: "spoofing.md",
     usbl_and_dvl: "usbl-dvl.md",
+    live_links: "live.md",
     embedding: "embedding.md",
     blocks: "blocks.md",
     equations: "equations.md",

@@ -41,6 +41,14 @@ impl Aboard for Carried<'_> {
         self.now(now).copied()
     }
 
+    fn waits_for(&self) -> Vec<String> {
+        if self.runner.started() {
+            return Vec::new();
+        }
+        let waiting = self.runner.waits_for().into_iter();
+        waiting.map(|(initialiser, why)| format!("{initialiser}: {why}")).collect()
+    }
+
     fn health(&self) -> Option<&Health> {
         Some(self.runner.health())
     }

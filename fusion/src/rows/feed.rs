@@ -24,6 +24,11 @@ pub trait Aboard {
         None
     }
 
+    /// What the filter waits for before it can start, in words.
+    fn waits_for(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// The health of the filter.
     fn health(&self) -> Option<&Health> {
         None

@@ -63,6 +63,34 @@ impl SourceReport {
         (span > 0.0).then(|| (self.used.saturating_sub(1)) as f64 / span)
     }
 
+    /// Adds the report of the rows that came after these, by another reader of the source.
+    pub fn join(&mut self, later: Self) {
+        self.rows += later.rows;
+        self.used += later.used;
+        for skipped in later.skipped {
+            match self.skipped.iter_mut().find(|known| known.reason == skipped.reason) {
+                Some(known) => {
+                    known.count += skipped.count;
+                    known.examples.extend(skipped.examples);
+                    known.examples.truncate(EXAMPLES);
+                }
+                None => self.skipped.push(skipped),
+            }
+        }
+        for (fault, count) in later.disturbed {
+            match self.disturbed.iter_mut().find(|(known, _)| *known == fault) {
+                Some((_, known)) => *known += count,
+                None => self.disturbed.push((fault, count)),
+            }
+        }
+        let between = self.last.zip(later.first).map(|(last, first)| (last, first.seconds_since(last)));
+        let gaps = [self.longest_gap, between, later.longest_gap].into_iter().flatten();
+        self.longest_gap = gaps.max_by(|a, b| a.1.total_cmp(&b.1));
+        self.first = self.first.or(later.first);
+        self.last = later.last.or(self.last);
+        self.unread = later.unread;
+    }
+
     /// Rows left out.
     #[must_use]
     pub fn left_out(&self) -> u64 {

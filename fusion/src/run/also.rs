@@ -33,7 +33,7 @@ impl FormatFile {
         let about = EstimateAbout {
             layout: &filter.layout,
             origin,
-            clock: clock(design),
+            clock: EstimateClock::of(design),
         };
         let file = set.create(&format!("{first}.{}", format.ending))?;
         let path = file.path().to_owned();
@@ -82,13 +82,5 @@ impl RunObserver for FormatFile {
             }
             _ => Ok(()),
         }
-    }
-}
-
-/// The date at time zero, as one of the sources declares it. A simulated log has none.
-fn clock(design: &Design) -> EstimateClock {
-    let sources = design.sources.iter().filter(|_| design.simulation.is_none());
-    EstimateClock {
-        time_zero: sources.map(|named| &named.block.source).find_map(|source| source.time_zero()),
     }
 }

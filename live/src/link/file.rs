@@ -42,6 +42,10 @@ impl LinkSpec for FileSpec {
         })
     }
 
+    fn waits(&self) -> bool {
+        true
+    }
+
     fn peer(&self) -> String {
         let path = self.path.as_ref().or(self.append_to.as_ref());
         path.map_or_else(|| "no file".to_owned(), |path| path.display().to_string())

@@ -28,6 +28,17 @@ pub trait LinkSpec: Debug + Send + Sync {
     /// It cannot be opened now.
     fn open(&self) -> io::Result<Ends>;
 
+    /// Whether its end is final. Any other link is opened again.
+    fn ends(&self) -> bool {
+        false
+    }
+
+    /// Whether bytes that are not received yet stay where they are, as in a file or a pipe. The link then waits for the
+    /// filter, and nothing is dropped.
+    fn waits(&self) -> bool {
+        false
+    }
+
     /// Its peer, as messages name it, such as `udp 0.0.0.0:14550`.
     fn peer(&self) -> String;
 }

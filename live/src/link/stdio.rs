@@ -48,6 +48,14 @@ impl LinkSpec for StdioSpec {
         })
     }
 
+    fn ends(&self) -> bool {
+        true
+    }
+
+    fn waits(&self) -> bool {
+        true
+    }
+
     fn peer(&self) -> String {
         "standard input and output".to_owned()
     }
