@@ -6,6 +6,7 @@
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
+pub mod bisect;
 pub mod budget;
 pub mod campaign;
 pub mod likelihood;

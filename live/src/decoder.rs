@@ -209,10 +209,11 @@ mod tests {
             "[process]\ntype = 'constant_velocity'\nacceleration_noise = 1\nposition_sigma = 10\nvelocity_sigma = 5\n\
              [run]\norigin = {{ latitude = 0.8, longitude = 0.1 }}\n\
              [sensor.fix]\ntype = 'gnss_position'\nsource = 'gnss'\nnoise = {{ sigma = 2 }}\n\
-             [initial.start]\ntype = 'first_fix'\nsource = 'gnss'\nposition_sigma = 5\nvelocity_sigma = 1\n{source}"
+             [initial.start]\ntype = 'first_fix'\nsource = 'gnss'\nposition_sigma = 5\n\
+             [initial.rest]\ntype = 'explicit'\nvelocity = [0, 0, 0]\nvelocity_sigma = 1\n{source}"
         );
         let (document, mistakes) = Document::parse("design.toml", &text);
-        assert!(!mistakes.has_errors(), "{mistakes}");
+        assert!(mistakes.is_empty(), "{mistakes:?}");
         let design = build(document).unwrap_or_else(|d| panic!("{d}"));
         Decoder::start(Arc::new(design), 0, OpenContext::default()).unwrap()
     }

@@ -55,6 +55,9 @@ impl Mailbox {
     }
 }
 
+/// Hears a line about an event.
+pub type LineListener = Arc<dyn Fn(&str) + Send + Sync>;
+
 /// An output with its thread.
 pub(crate) struct Leaving {
     pub(crate) name: String,
@@ -63,7 +66,7 @@ pub(crate) struct Leaving {
     pub(crate) mailbox: Arc<Mailbox>,
     /// Without an estimate for this time, a line says so.
     pub(crate) watchdog: Duration,
-    pub(crate) say: Arc<dyn Fn(&str) + Send + Sync>,
+    pub(crate) say: LineListener,
 }
 
 impl Leaving {

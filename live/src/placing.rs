@@ -110,7 +110,7 @@ impl Placing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fusion_core::testing::Lcg;
+    use fusion::core::testing::Lcg;
 
     const S: i64 = 1_000_000_000;
 
@@ -136,9 +136,9 @@ mod tests {
     fn rows_of_an_own_clock_are_placed_on_that_of_arrivals_before_and_after_its_reset() {
         let mut base = Base::new(Some(0));
         for seconds in [5..50, 55..100] {
-            // 0.3 ms: the shortest of some hundred delays that are even in 0 to 4 ms.
+            // 1 ms: in its first seconds the envelope follows few points, of delays that are even in 0 to 4 ms.
             let found = worst(LinkClock::Related, &mut base, seconds.clone());
-            assert!(found < 300_000, "{seconds:?}: {found} ns");
+            assert!(found < 1_000_000, "{seconds:?}: {found} ns");
             let found = worst(LinkClock::Arrival, &mut base, seconds);
             assert!((3_900_000..=4_000_000).contains(&found), "{found} ns: the delay itself");
         }

@@ -12,7 +12,7 @@
 //!          the drift of a crystal changes with its temperature, within minutes
 //! Jumps    of either clock: see [`Relation::add`]
 
-use fusion_core::memory;
+use fusion::core::memory;
 use std::collections::VecDeque;
 
 /// Length of a block \[ns\].
@@ -226,7 +226,7 @@ impl Relation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fusion_core::testing::Lcg;
+    use fusion::core::testing::Lcg;
 
     const S: f64 = 1e9;
 

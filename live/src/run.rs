@@ -4,12 +4,13 @@ use crate::arrival::ArrivalClock;
 use crate::decoder::Decoder;
 use crate::feed::{Due, Events, Fed, LiveFeed, Recording, Sending};
 use crate::inbox::{Counts, Inbox, Open, Outlet};
+use crate::leaving::LineListener;
 use crate::leaving::{Leaving, Mailbox};
 use crate::output::About;
 use crate::placing::{Base, Placing};
 use crate::record::Record;
 use crate::sensors::Watch;
-use crate::status::{Board, Listener, Status};
+use crate::status::{Board, StatusListener};
 use crate::table::{LinkDesign, Tables};
 use fusion::assembly::Assembly;
 use fusion::config::{Diagnostic, Diagnostics};
@@ -49,9 +50,9 @@ pub struct LiveOptions {
     /// Becomes true when it is to end.
     pub stop: Arc<AtomicBool>,
     /// Hears the status, at this interval.
-    pub status: Option<(Duration, Arc<dyn Fn(&Status) + Send + Sync>)>,
+    pub status: Option<(Duration, StatusListener)>,
     /// Hears lines about events, such as those of a watchdog.
-    pub say: Option<Arc<dyn Fn(&str) + Send + Sync>>,
+    pub say: Option<LineListener>,
 }
 
 impl core::fmt::Debug for LiveOptions {
@@ -174,7 +175,7 @@ impl Live {
         let (sources, of_links) = self.sources(assembly)?;
         let base = self.base();
         let inbox = Arc::new(Inbox::new(self.tables.links.len(), options.stop.clone()));
-        let (every, listener): (Duration, Option<Listener>) = match options.status {
+        let (every, listener): (Duration, Option<StatusListener>) = match options.status {
             Some((every, listener)) => (every, Some(listener)),
             None => (Duration::MAX, None),
         };

@@ -76,19 +76,19 @@ pub struct OutputStatus {
 }
 
 /// Hears the status.
-pub(crate) type Listener = Arc<dyn Fn(&Status) + Send + Sync>;
+pub type StatusListener = Arc<dyn Fn(&Status) + Send + Sync>;
 
 /// Makes the status at intervals.
 pub(crate) struct Board {
     pub(crate) links: Vec<(String, Arc<Counts>)>,
     pub(crate) outputs: Vec<(String, Arc<Mailbox>)>,
-    pub(crate) listener: Option<Listener>,
+    pub(crate) listener: Option<StatusListener>,
     pub(crate) every: Duration,
     last: Mutex<Instant>,
 }
 
 impl Board {
-    pub(crate) fn new(listener: Option<Listener>, every: Duration) -> Self {
+    pub(crate) fn new(listener: Option<StatusListener>, every: Duration) -> Self {
         Self {
             links: Vec::new(),
             outputs: Vec::new(),

@@ -5,6 +5,7 @@
 //! (with `run --strict`) a filter in bad health; 4 (with `tune`) rows that are not independent; 130 and 143 stopped by SIGINT or SIGTERM.
 
 mod allan;
+mod bisect;
 mod blocks;
 mod budget;
 mod builtin;
@@ -142,6 +143,18 @@ Examples:
   fusion compare drive.toml --variant base,outages --set filter.backend=ekf
   fusion compare drive.toml --backend ekf,error_state,iekf,invariant,invariant+iterated,ukf")]
     Compare(compare::CompareArgs),
+    /// Find the first measurement that two designs, or two versions of the program, treat differently.
+    ///
+    /// Compares each measurement of the two runs: its row, and all numbers that the filter computes of it before the
+    /// update, to the last bit. The exit code is 3 if they differ. To compare versions, each writes a ledger.
+    #[command(after_long_help = "\
+Examples:
+  fusion bisect drive.toml drive2.toml
+  fusion bisect drive.toml --variant base,no-gate
+  fusion run drive.toml --ledger old.ledger     with the old version
+  fusion bisect old.ledger drive.toml           with the new one
+  fusion bisect boat.toml --backend ekf,iekf --replay dive.mcap")]
+    Bisect(bisect::BisectArgs),
     /// Look at unknown logs: columns, units, rates, gaps, an inertial unit and its mounting in the
     /// vehicle; and write a first design.
     ///
@@ -447,6 +460,8 @@ enum Failure {
     Stress,
     /// The rows of a log are not independent, which was reported before.
     Dependent,
+    /// Two runs differ, which was reported before.
+    Difference,
 }
 
 impl From<Diagnostics> for Failure {
@@ -486,6 +501,7 @@ pub fn main() -> ExitCode {
         Command::Allan(args) => allan::allan(&args),
         Command::Run(args) => run::run(&args),
         Command::Live(args) => live::live(&args),
+        Command::Bisect(args) => bisect::run(&args),
         Command::Check(args) => check::check(&args),
         Command::Blocks(args) => blocks::blocks(&args),
         Command::New(args) => new::new(&args),
@@ -509,7 +525,7 @@ pub fn main() -> ExitCode {
             }
             ExitCode::from(2)
         }
-        Err(Failure::Health | Failure::Stress) => ExitCode::from(3),
+        Err(Failure::Health | Failure::Stress | Failure::Difference) => ExitCode::from(3),
         Err(Failure::Dependent) => ExitCode::from(4),
         // The reader of a pipe has stopped reading: `fusion schema | head`.
         Err(Failure::Output(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,

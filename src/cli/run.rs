@@ -9,11 +9,14 @@ use fusion::core::covariance::Kernel;
 use fusion::design::Design;
 use fusion::models::units::{self, Dimensional, dim};
 use fusion::observe::RunObserver;
-use fusion::output::EstimateFormat;
+use fusion::output::{EstimateFormat, Unwritable};
 use fusion::run::{self, Checkpoints, Keep, Options, Run, Smoothing, Summary};
+use fusion_judge::bisect::LedgerWriter;
 use fusion_present::Shown;
 use fusion_present::report;
 use fusion_tables::{Page, Section, Table};
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -70,6 +73,9 @@ pub(super) struct RunArgs {
     /// estimates are those of the live run, to the last bit.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["data", "resume", "checkpoint"])]
     replay: Option<PathBuf>,
+    /// Writes a line for each measurement, with all digits of what the filter computes of it, for `fusion bisect`.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["checkpoint", "resume"])]
+    ledger: Option<PathBuf>,
     /// Prints all tables: sources, innovations, errors per axis, consistency, outages, estimated parameters.
     #[arg(short, long)]
     verbose: bool,
@@ -161,9 +167,19 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         ..Options::default()
     };
     let mut progress = Progress::new(&design);
-    let summary = results(&design, &options, &mut [], &mut |to| progress.at(to));
+    let unwritable = |path: &PathBuf, error| Failure::from(Unwritable::new(path, error));
+    let begin = |path: &PathBuf| {
+        let begun = File::create(path).and_then(|file| LedgerWriter::new(BufWriter::new(file)));
+        begun.map_err(|error| unwritable(path, error))
+    };
+    let mut ledger = args.ledger.as_ref().map(begin).transpose()?;
+    let mut further: Vec<&mut dyn RunObserver> = ledger.iter_mut().map(|ledger| ledger as _).collect();
+    let summary = results(&design, &options, &mut further, &mut |to| progress.at(to));
     progress.finish();
     let summary = summary?;
+    if let Some((ledger, path)) = ledger.zip(args.ledger.as_ref()) {
+        ledger.finish().map_err(|error| unwritable(path, error))?;
+    }
     let mut page = page(&summary, &options, args.verbose, args.output.format);
     let edits: Vec<Edit> = summary.findings().iter().flat_map(|finding| finding.edits.clone()).collect();
     page.sections.extend(args.advice.fix.write(&args.design, &edits)?);

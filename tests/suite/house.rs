@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// The crates in order of dependency, as ARCHITECTURE.md draws them: folder, package, and the packages that it may use.
-const CRATES: [(&str, &str, &[&str]); 10] = [
+const CRATES: [(&str, &str, &[&str]); 11] = [
     ("kernels", "fusion-kernels", &[]),
     ("fusion-core", "fusion-core", &["fusion-kernels"]),
     ("models", "fusion-models", &["fusion-core"]),
@@ -22,6 +22,7 @@ const CRATES: [(&str, &str, &[&str]); 10] = [
         &["fusion", "fusion-core", "fusion-models", "fusion-tables"],
     ),
     ("formats", "fusion-formats", &["fusion"]),
+    ("live", "fusion-live", &["fusion"]),
     (
         "present",
         "fusion-present",
@@ -35,6 +36,7 @@ const CRATES: [(&str, &str, &[&str]); 10] = [
             "fusion-advice",
             "fusion-formats",
             "fusion-judge",
+            "fusion-live",
             "fusion-present",
             "fusion-tables",
         ],

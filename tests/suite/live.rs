@@ -21,8 +21,8 @@ type = "csv"
 path = "imu.csv"
 names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
 time.column = "t"
-channels.angular_rate.columns = ["gx", "gy", "gz"]
-channels.specific_force.columns = ["ax", "ay", "az"]
+channels.angular_rate = {{ columns = ["gx", "gy", "gz"], unit = "rad/s" }}
+channels.specific_force = {{ columns = ["ax", "ay", "az"], unit = "m/s^2" }}
 
 [source.gnss]
 type = "csv"
@@ -58,6 +58,20 @@ fn free_port() -> u16 {
     UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
+/// Waits for the program to connect.
+fn accept(listener: &TcpListener) -> TcpStream {
+    listener.set_nonblocking(true).unwrap();
+    // It starts within this time on any machine; if it ends with an error, the test does not wait for ever.
+    let until = Instant::now() + Duration::from_secs(30);
+    loop {
+        match listener.accept() {
+            Ok((stream, _)) => return stream,
+            Err(error) => assert!(Instant::now() < until, "nobody connects: {error}"),
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 /// Seconds of the filter in a second of the test.
 const FASTER: f64 = 10.0;
 
@@ -80,7 +94,7 @@ fn gnss(time: f64) -> String {
 /// pieces that end within lines.
 fn send(ports: (u16, u16), listener: &TcpListener, from: f64, to: f64) {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-    let (mut receiver, _) = listener.accept().unwrap();
+    let mut receiver = accept(listener);
     receiver.write_all(b"t,lat,lon,h\n").unwrap();
     let begun = Instant::now();
     for k in (from * 100.0) as u32..(to * 100.0) as u32 {
@@ -122,7 +136,7 @@ fn assert_same_results(w: &Workspace, one: &str, other: &str) {
         let (a, b) = (read(one), read(other));
         let first = a.lines().zip(b.lines()).position(|(a, b)| a != b);
         assert!(a == b, "{file} differs from row {first:?} on: {} and {} bytes", a.len(), b.len());
-        assert!(a.lines().count() > 20, "{file} has {} rows", a.lines().count());
+        assert!(a.lines().count() > 10, "{file} has {} rows", a.lines().count());
     }
 }
 
@@ -320,7 +334,7 @@ fn soak(name: &str, length: Duration, cut: Duration) {
         ],
     );
     let id = child.id();
-    let (first, _) = listener.accept().unwrap();
+    let first = accept(&listener);
     let (begun, until) = (Instant::now(), Instant::now() + length);
     let udp = |port, rate, seed, row: fn(f64) -> String| std::thread::spawn(move || at_rest(port, rate, seed, until, begun, row));
     let senders = [
@@ -346,7 +360,7 @@ fn soak(name: &str, length: Duration, cut: Duration) {
                 // The link is cut, and is opened again by the program.
                 (stream, next, cuts) = (None, next + cut, cuts + 1);
             }
-            let mut to = stream.take().unwrap_or_else(|| headed(listener.accept().unwrap().0));
+            let mut to = stream.take().unwrap_or_else(|| headed(accept(&listener)));
             to.write_all(format!("{time:.4},36.1,129.5,50\n").as_bytes()).unwrap();
             stream = Some(to);
             count += 1;
