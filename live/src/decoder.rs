@@ -1,6 +1,6 @@
 //! Decodes the bytes of a link for one source, as they arrive.
 //!
-//! The reader of the source runs in a thread of its own, where it waits for bytes as for those of a slow file. The filter
+//! The reader of the source runs in its own thread, where it waits for bytes as for those of a slow file. The filter
 //! gives it bytes and takes rows until the reader waits again, so that the two never work at the same time: the rows are a
 //! function of the bytes, and any format can be read.
 
@@ -20,7 +20,7 @@ pub(crate) struct Decoded {
     pub(crate) values: Vec<f64>,
 }
 
-/// What a reader says.
+/// The messages of a reader.
 enum Said {
     Row(Decoded),
     /// It has used all bytes.
@@ -29,7 +29,7 @@ enum Said {
     Ended(SourceReport, Option<SourceError>),
 }
 
-/// What a reader is told.
+/// The messages to a reader.
 enum Told {
     Bytes(Vec<u8>),
     End,
@@ -42,7 +42,7 @@ pub(crate) struct Decoder {
     said: Receiver<Said>,
     /// Rows so far.
     pub(crate) rows: u64,
-    /// Of the readers that have ended.
+    /// The report of the readers that have ended.
     pub(crate) report: SourceReport,
     /// Why a reader ended last.
     pub(crate) trouble: Option<String>,
@@ -192,7 +192,7 @@ impl Read for Pipe {
 impl Drop for Pipe {
     fn drop(&mut self) {
         if let Some(told) = self.told.take() {
-            // Nobody takes it if the thread ends.
+            // The other end is gone if the thread ends.
             let _ = self.back.send((told, self.has_waited));
         }
     }

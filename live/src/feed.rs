@@ -86,7 +86,7 @@ pub(crate) struct Due {
     pub(crate) count: u64,
 }
 
-/// What is needed to send estimates.
+/// The parts that send estimates.
 pub(crate) struct Sending {
     pub(crate) outputs: Vec<Due>,
     pub(crate) sensors: Sensors,
@@ -177,7 +177,7 @@ impl LiveFeed {
         let recorder = match at {
             None => Recorder::create(&path, &links, ahead).map_err(|error| {
                 let is_there = error.kind() == io::ErrorKind::AlreadyExists;
-                let help = "give another name: a record is not overwritten. A run that was killed goes on with `--resume`";
+                let help = "give another name: a record is not overwritten. A run that was killed continues with `--resume`";
                 let d = Diagnostic::error(format!("the record {}: {error}", path.display()));
                 if is_there { d.help(help) } else { d }
             })?,
@@ -309,7 +309,7 @@ impl LiveFeed {
         if let Events::Links(inbox) = &self.events {
             next = Some(inbox.next(now));
             if matches!(next, Some(Next::Nothing)) {
-                // What has been used is safe before the filter waits.
+                // The record is safe before the filter waits.
                 self.flush()?;
                 next = None;
             }
@@ -471,7 +471,7 @@ impl Memory for LiveFeed {
             _ => 0,
         };
         if !tape.is_reading() {
-            // What the checkpoint continues with has to be in the file.
+            // The checkpoint refers to the file.
             let _ = self.flush();
         }
         at.remember(tape);

@@ -1,4 +1,4 @@
-//! What has happened on the links, in order of arrival, on its way to the filter.
+//! The events of the links, in order of arrival, on their way to the filter.
 
 use crate::arrival::ArrivalClock;
 use crate::link::{LinkSpec, Received, Sender};
@@ -18,7 +18,7 @@ pub(crate) struct Event {
     pub(crate) what: Happened,
 }
 
-/// What has happened.
+/// The kind of an event.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Happened {
     /// Bytes arrived.
@@ -68,7 +68,7 @@ struct Waiting {
     open: usize,
 }
 
-/// What an inbox gives.
+/// The answer of an inbox.
 pub(crate) enum Next {
     Event(Event),
     /// Nothing until the time.

@@ -9,8 +9,8 @@
 //!                                    `fusion run --replay`             Outgoing ──▶ Output, one thread each ──▶ link
 //! ```
 //!
-//! A source reads the bytes of a link as it reads its file, with the same declaration. What the filter does is a function
-//! of the bytes and their arrivals: a record of both gives the same results, bit for bit.
+//! A source reads the bytes of a link as it reads its file, with the same declaration. The results of the
+//! filter are a function of the bytes and their arrivals: a record of both gives the same results, bit for bit.
 //!
 //! A crate adds a link with [`LinkSpec`], and an output with [`OutputSpec`]: each is one file that registers a block.
 

@@ -3,7 +3,7 @@
 //! | topic | a message is |
 //! |---|---|
 //! | `/link/NAME` | the bytes that a link gave at once, as they came; `log_time` is their arrival |
-//! | `/link/NAME/state` | `anew`: what follows does not continue what was before; `closed` |
+//! | `/link/NAME/state` | `anew`: the bytes that follow do not continue those before; `closed` |
 //!
 //! Records are not in chunks, so that all that was written before a kill can be read. `log_time` is Unix time. It differs
 //! from GPS time by a constant within a session, which the metadata at the start of the session has, in nanoseconds.
@@ -61,7 +61,7 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Continues a record after this byte; what follows it is cut off.
+    /// Continues a record after this byte; later bytes are cut off.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -156,7 +156,7 @@ impl Recorder {
         self.body.clear();
         self.body.extend_from_slice(&0_u32.to_le_bytes());
         self.put(op::DATA_END)?;
-        // There is no summary.
+        // The record has no summary.
         self.body.clear();
         self.body.resize(20, 0);
         self.put(op::FOOTER)?;
@@ -191,7 +191,7 @@ const fn channel(link: usize, is_state: bool) -> u16 {
     (2 * link + 1 + is_state as usize) as u16
 }
 
-/// What a record says next.
+/// An entry of a record.
 pub(crate) enum Entry {
     Event(Event),
     /// A session begins: the clock of arrivals was started again.
@@ -307,7 +307,7 @@ impl Record {
         self.ahead = entry.unwrap_or(self.ahead);
     }
 
-    /// The next entry; `None` at the end. What a link that is not declared has received is left out.
+    /// The next entry; `None` at the end. The bytes of a link that is not declared are left out.
     ///
     /// # Errors
     /// The file cannot be read, or is damaged.

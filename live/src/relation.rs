@@ -8,7 +8,7 @@
 //! points (S. Moon, P. Skelly, D. Towsley, "Estimation and removal of clock skew from network delay measurements",
 //! INFOCOM 1999).
 //!
-//! Memory   the lowest point of each of the latest [`BLOCKS`] blocks of [`BLOCK`] seconds: what is older is forgotten, as
+//! Memory   the lowest point of each of the latest [`BLOCKS`] blocks. Older points are forgotten, as
 //!          the drift of a crystal changes with its temperature, within minutes
 //! Jumps    of either clock: see [`Relation::add`]
 
@@ -20,7 +20,7 @@ const BLOCK: i64 = 5_000_000_000;
 /// Blocks that are kept: five minutes.
 const BLOCKS: usize = 60;
 /// A point below the envelope by more than this many mean delays is a jump of a clock. For delays that are exponential
-/// above their minimum, one of 5 · 10⁸ such points is none.
+/// above their minimum, a point of the same clock is that low once in 5 · 10⁸ times.
 const JUMP: f64 = 20.0;
 /// Points before the mean delay is known well enough to find jumps: to a quarter.
 const KNOWN: u32 = 16;

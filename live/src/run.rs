@@ -121,7 +121,7 @@ impl Live {
         })
     }
 
-    /// GPS time at the time zero of the filter, if the stamps of a source are dates; or if no source has stamps of its own.
+    /// GPS time at the time zero of the filter, if the stamps of a source are dates; or if no source has its own stamps.
     fn base(&self) -> Base {
         let own = |link: &&LinkDesign| link.common.clock == LinkClock::Own;
         let named = self.tables.links.iter().filter(own).flat_map(|link| &link.common.sources);
@@ -182,7 +182,7 @@ impl Live {
         let mut board = Board::new(listener, every);
         let filters = Filters::of(assembly);
         let names = filters.outermost().map(|own| Names::new(own, assembly)).unwrap_or_default();
-        let time_zero = EstimateClock::of(&self.design).time_zero;
+        let time_zero = self.design.time_zero();
         let about = About {
             description: self.design.run.description.clone(),
             origin: Origin::new(self.design.run.origin.map(|place| LocalFrame::new(place.into()))),

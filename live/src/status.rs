@@ -71,7 +71,7 @@ pub struct OutputStatus {
     pub failed: u64,
     /// Why the last estimate could not be sent.
     pub trouble: Option<String>,
-    /// What the output says of itself.
+    /// The line of the output about itself.
     pub about: Option<String>,
 }
 
@@ -98,7 +98,7 @@ impl Board {
         }
     }
 
-    /// Tells the status, if it is time.
+    /// Passes the status on, if it is time.
     pub(crate) fn look(&self, sources: &[Fed], latency: &Latency) {
         if self.listener.is_none() {
             return;
@@ -111,7 +111,7 @@ impl Board {
         }
     }
 
-    /// Tells the status.
+    /// Passes the status on.
     pub(crate) fn tell(&self, sources: &[Fed], latency: &Latency) {
         if let Some(listener) = &self.listener {
             listener(&self.status(sources, latency));

@@ -36,7 +36,7 @@ pub enum Role {
     Task,
     /// A connection to an instrument or to another program, while the filter runs.
     Link,
-    /// What is sent by a link: estimates in some format.
+    /// Estimates in some format, which leave by a link.
     Output,
 }
 

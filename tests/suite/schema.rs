@@ -6,7 +6,10 @@ use std::sync::LazyLock;
 
 /// The errors that the schema finds in a design, each as `/path/to/the/value keyword: reason`.
 fn against_schema(design: &Value) -> Vec<String> {
-    static SCHEMA: LazyLock<Validator> = LazyLock::new(|| jsonschema::draft202012::new(&fusion::schema::design()).unwrap());
+    static SCHEMA: LazyLock<Validator> = LazyLock::new(|| {
+        fusion_live::link_blocks();
+        jsonschema::draft202012::new(&fusion::schema::design()).unwrap()
+    });
     let told = |error: ValidationError<'_>| format!("{} {}: {error}", error.instance_path(), error.kind().keyword());
     SCHEMA.iter_errors(design).map(told).collect()
 }

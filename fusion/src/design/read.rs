@@ -83,6 +83,13 @@ impl Unread {
 }
 
 impl Design {
+    /// GPS time at the time zero of its rows \[ns\], as one of the sources declares it. A simulated log has none.
+    #[must_use]
+    pub fn time_zero(&self) -> Option<i64> {
+        let sources = self.sources.iter().filter(|_| self.simulation.is_none());
+        sources.map(|named| &named.block.source).find_map(|source| source.time_zero())
+    }
+
     /// Reads a design, with every mistake of reading in one go.
     ///
     /// # Errors

@@ -1,7 +1,6 @@
 //! Further formats of the estimates, for maps and other programs.
 
 use super::{Origin, OutputFile};
-use crate::design::Design;
 use crate::solution::Solution;
 use crate::source::table::unix_of_gps;
 use core::fmt::Debug;
@@ -92,15 +91,6 @@ pub struct EstimateClock {
 }
 
 impl EstimateClock {
-    /// The date at time zero, as one of the sources declares it. A simulated log has none.
-    #[must_use]
-    pub fn of(design: &Design) -> Self {
-        let sources = design.sources.iter().filter(|_| design.simulation.is_none());
-        Self {
-            time_zero: sources.map(|named| &named.block.source).find_map(|source| source.time_zero()),
-        }
-    }
-
     /// Nanoseconds of GPS time; `None` if the date is not known.
     #[must_use]
     pub fn gps_nanos(self, time: Time) -> Option<i64> {

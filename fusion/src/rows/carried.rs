@@ -1,8 +1,8 @@
 //! The filter of a run, as seen by the simulated world that it steers.
 
 use super::{Aboard, Pose};
-use crate::health::Health;
 use crate::solution::{Solution, SolutionReader};
+use fusion_core::health::Health;
 use fusion_core::runner::Runner;
 use fusion_core::time::Time;
 

@@ -2,11 +2,11 @@
 
 use super::{Row, SourceReport};
 use crate::config::Diagnostics;
-use crate::health::Health;
 use crate::solution::Solution;
 use core::fmt::Debug;
 use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::health::Health;
 use fusion_core::memory::Memory;
 use fusion_core::time::Time;
 use fusion_models::sim::Record;
@@ -24,7 +24,7 @@ pub trait Aboard {
         None
     }
 
-    /// What the filter waits for before it can start, in words.
+    /// The conditions that the filter still waits for before it can start, in words.
     fn waits_for(&self) -> Vec<String> {
         Vec::new()
     }

@@ -33,7 +33,9 @@ impl FormatFile {
         let about = EstimateAbout {
             layout: &filter.layout,
             origin,
-            clock: EstimateClock::of(design),
+            clock: EstimateClock {
+                time_zero: design.time_zero(),
+            },
         };
         let file = set.create(&format!("{first}.{}", format.ending))?;
         let path = file.path().to_owned();

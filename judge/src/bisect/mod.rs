@@ -19,7 +19,7 @@ pub struct Difference {
     pub before: Option<Entry>,
     /// The measurement of the first ledger; `None` if it has ended.
     pub first: Option<Entry>,
-    /// The same of the second.
+    /// The measurement of the second ledger at this place; `None` if it has ended.
     pub second: Option<Entry>,
 }
 

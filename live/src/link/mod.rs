@@ -51,7 +51,7 @@ pub struct Ends {
     pub sender: Option<Box<dyn Sender>>,
 }
 
-/// Gives the bytes of an open link. It is used in a thread of its own.
+/// Gives the bytes of an open link. It is used in its own thread.
 pub trait Receiver: Send {
     /// Waits for bytes, at most for `wait`, and appends those that are there to `bytes`.
     ///
@@ -60,12 +60,12 @@ pub trait Receiver: Send {
     fn receive(&mut self, wait: Duration, bytes: &mut Vec<u8>) -> io::Result<Received>;
 }
 
-/// What a receiver has got.
+/// The result of receiving.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Received {
     /// Bytes, which continue those before.
     Bytes,
-    /// The first bytes of another peer: what was received before is not continued.
+    /// The first bytes of another peer, which do not continue those before.
     Anew,
     /// Nothing within the time.
     Nothing,

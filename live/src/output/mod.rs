@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// `fusion::models::register!`, in its own file.
 #[typetag::deserialize]
 pub trait OutputSpec: Debug + Send + Sync {
-    /// The name of the link by which it sends; `None` if it has a connection of its own, such as a server.
+    /// The name of the link by which it sends; `None` if it has its own connection, such as a server.
     fn link(&self) -> Option<&str>;
 
     /// Opens it. It is called once.
@@ -41,7 +41,7 @@ pub struct About {
     pub sensors: Vec<String>,
 }
 
-/// Sends estimates, in a thread of its own. It may wait; the filter does not.
+/// Sends estimates, in its own thread. It may wait; the filter does not.
 pub trait Output: Send {
     /// Sends an estimate: by `to`, or by its own connection.
     ///
@@ -73,7 +73,7 @@ pub struct Outgoing {
     pub health: State,
     /// The reasons for it, in words.
     pub reasons: Arc<[String]>,
-    /// What the filter waits for before it can start.
+    /// The conditions that the filter still waits for before it can start.
     pub waits_for: Arc<[String]>,
     /// The sensors, in the order of [`About::sensors`].
     pub sensors: Arc<[SensorNow]>,

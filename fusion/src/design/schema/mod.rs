@@ -75,11 +75,11 @@ pub(super) fn whole() -> Whole {
         ("source", s.named(Role::Source, "Recorded data by name.")),
         (
             "link",
-            s.named(Role::Link, "Connections to instruments and programs by name, for `fusion live`."),
+            s.linked(Role::Link, "Connections to instruments and programs by name, for `fusion live`."),
         ),
         (
             "output",
-            s.named(Role::Output, "Estimates that leave while the filter runs, by name."),
+            s.linked(Role::Output, "Estimates that leave while the filter runs, by name."),
         ),
         ("simulation", simulation),
         ("reference", s.of::<ReferenceSpec>("reference")),
@@ -279,6 +279,14 @@ impl Builder {
     /// A table of blocks of a role, by names of the author's choice.
     fn named(&mut self, role: Role, description: &str) -> Value {
         json!({ "description": description, "type": "object", "additionalProperties": self.table(role) })
+    }
+
+    /// Blocks by name, of a role whose blocks another crate has. A program without that crate does not look at them.
+    fn linked(&mut self, role: Role, description: &str) -> Value {
+        if registry::names(role).is_empty() {
+            return json!({ "description": description, "type": "object" });
+        }
+        self.named(role, description)
     }
 
     /// The simulated world: segments, vehicle, controller and tasks are blocks, and its units and sensors have faults.
