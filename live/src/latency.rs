@@ -1,5 +1,7 @@
 //! How long rows take from their arrival to the estimate.
 
+use fusion::core::math;
+
 /// Cells for each doubling.
 const PER_OCTAVE: usize = 8;
 /// From one nanosecond to about 18 minutes.
@@ -43,7 +45,7 @@ impl Latency {
     /// The latency \[s\] below which this share of all lies: the upper bound of its cell. `None` without any.
     #[must_use]
     pub fn quantile(&self, share: f64) -> Option<f64> {
-        let wanted = (share * self.count as f64).ceil().max(1.0) as u64;
+        let wanted = math::ceil(share * self.count as f64).max(1.0) as u64;
         let mut so_far = 0;
         self.cells().find_map(|(upper, count)| {
             so_far += count;

@@ -12,7 +12,7 @@
 //!          the drift of a crystal changes with its temperature, within minutes
 //! Jumps    of either clock: see [`Relation::add`]
 
-use fusion::core::memory;
+use fusion::core::{math, memory};
 use std::collections::VecDeque;
 
 /// Length of a block \[ns\].
@@ -186,7 +186,7 @@ impl Relation {
     pub fn offset(&self, stamp: i64) -> i64 {
         let Some((zero, first)) = self.zero else { return 0 };
         let (offset, rate) = self.line;
-        first + (offset + rate * (stamp.saturating_sub(zero)) as f64).round() as i64
+        first + math::round(offset + rate * (stamp.saturating_sub(zero)) as f64) as i64
     }
 
     /// The stamp of a message that would arrive without delay at this time \[ns\]; `None` before the first message.
@@ -195,7 +195,7 @@ impl Relation {
         let (zero, first) = self.zero?;
         let (offset, rate) = self.line;
         let since = (arrival.saturating_sub(zero).saturating_sub(first)) as f64 - offset;
-        Some(zero + (since / (1.0 + rate)).round() as i64)
+        Some(zero + math::round(since / (1.0 + rate)) as i64)
     }
 
     /// Arrival − stamp of a message without delay, at the latest stamp \[ns\].

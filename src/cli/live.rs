@@ -6,7 +6,7 @@ use clap::Args;
 use fusion::config::Diagnostics;
 use fusion::design::Design;
 use fusion::run::{Checkpoints, FeedMaker, Options};
-use fusion_live::{Live, LiveOptions, Status};
+use fusion_live::{Live, LiveOptions, Status, StatusListener};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -47,15 +47,17 @@ pub(super) struct LiveArgs {
 pub(super) fn live(args: &LiveArgs) -> Result<(), Failure> {
     let design = args.design.read()?;
     let live = Live::of(&design)?;
+    #[cfg(unix)]
     let stop = super::stop::live();
-    let say: Arc<dyn Fn(&str) + Send + Sync> = Arc::new(|line| report_line(line));
-    let tell: Arc<dyn Fn(&Status) + Send + Sync> = Arc::new(|status| report_line(&told(status)));
+    #[cfg(not(unix))]
+    let stop = Arc::default();
+    let tell: StatusListener = Arc::new(|status| report_line(&told(status)));
     let (feed, mut watch) = live.start(LiveOptions {
         record: args.record.clone(),
         duration: args.duration,
         stop,
         status: args.status.map(|every| (every, tell)),
-        say: Some(say),
+        say: Some(Arc::new(report_line)),
     });
     let options = Options {
         base: args.design.base(),
@@ -66,7 +68,7 @@ pub(super) fn live(args: &LiveArgs) -> Result<(), Failure> {
         ..Options::default()
     };
     let summary = results(&design, &options, &mut [&mut watch], &mut |_| {})?;
-    Ok(args.output.print(&page(&summary, &options, args.verbose, args.output.format))?)
+    args.output.print(&page(&summary, &options, args.verbose, args.output.format))
 }
 
 /// The feed of a record.

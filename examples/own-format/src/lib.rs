@@ -7,6 +7,11 @@
 //! `{"topic": "/imu", "type": "sensor_msgs/Imu", "message": {…}}`. A source selects one stream by `topic`.
 //!
 //! Memory   one line, of 16 MiB at most
+//!
+//! [`wire`] has a link and an output for `fusion live`.
+
+#[cfg(unix)]
+pub mod wire;
 
 use fusion::models::block::BuildError;
 use fusion::rows::{DataError, ProvidedChannel, RowStream, SourceError};

@@ -171,3 +171,78 @@ fn a_line_that_is_no_object_is_told_with_its_place() {
     let told = check(own, &context, 2).unwrap_err();
     assert!(told.contains("drive.jsonl:2") && told.contains("no JSON object"), "{told}");
 }
+
+/// A design whose receiver speaks the own format by the own link, and which sends heights by the own output.
+const LIVE: &str = r#"
+[process]
+type = "constant_velocity"
+acceleration_noise = "0.5 m/s^2/sqrt(Hz)"
+position_sigma = "10 m"
+velocity_sigma = "5 m/s"
+[run]
+origin = { latitude = "47 deg", longitude = "8 deg" }
+[sensor.gnss]
+type = "gnss_position"
+source = "gnss"
+noise = { sigma = "2 m" }
+[initial.fix]
+type = "first_fix"
+source = "gnss"
+position_sigma = "5 m"
+[initial.rest]
+type = "explicit"
+velocity = [0, 0, 0]
+velocity_sigma = "1 m/s"
+[source.gnss]
+type = "json_lines"
+path = "gnss.jsonl"
+time = { column = "t", unit = "s" }
+channels.position = { latitude = "lat", longitude = "lon", height = "h", unit = "deg" }
+[link.socket]
+type = "unix_datagram"
+listen = "in.socket"
+send_to = "out.socket"
+sources = ["gnss"]
+[output.height]
+type = "height"
+link = "socket"
+rate = "20 Hz"
+"#;
+
+#[cfg(unix)]
+#[test]
+fn an_own_link_and_an_own_output_run_live_and_their_record_has_the_same_bits() {
+    use std::os::unix::net::UnixDatagram;
+    use std::time::{Duration, Instant};
+    let folder = Folder::new("live");
+    fs::write(folder.0.join("live.toml"), LIVE).unwrap();
+    let socket = UnixDatagram::bind(folder.0.join("out.socket")).unwrap();
+    socket.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
+    let into = folder.0.join("in.socket");
+    let sender = std::thread::spawn(move || {
+        let (mut heights, mut buffer) = (Vec::new(), [0; 64]);
+        let sender = UnixDatagram::unbound().unwrap();
+        let until = Instant::now() + Duration::from_secs(30);
+        for k in 0..40 {
+            let row = format!("{{\"t\": {k}, \"lat\": 47.0, \"lon\": 8.0, \"h\": 400.0}}\n");
+            // The program may need a while to open its socket.
+            while sender.send_to(row.as_bytes(), &into).is_err() {
+                assert!(Instant::now() < until, "the socket was not opened");
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        while let Ok(count) = socket.recv(&mut buffer) {
+            heights.push(String::from_utf8(buffer[..count].to_vec()).unwrap());
+        }
+        heights
+    });
+    folder.fusion(&["live", "live.toml", "--for", "3 s", "--record", "in.mcap", "--out", "live"]);
+    let heights = sender.join().unwrap();
+    assert!(heights.len() > 10, "{heights:?}");
+    assert!(heights.last().unwrap().starts_with("400.00 "), "{heights:?}");
+    folder.fusion(&["run", "live.toml", "--replay", "in.mcap", "--out", "again"]);
+    let read = |name: &str| fs::read_to_string(folder.0.join(name)).unwrap();
+    assert_eq!(read("live/estimates.csv"), read("again/estimates.csv"));
+    assert_eq!(read("live/estimates.csv").lines().count(), 41, "a row was lost");
+}
