@@ -23,6 +23,9 @@ mod bank;
 /// A Doppler log whose beams are lost and return one by one.
 #[path = "suite/beams.rs"]
 mod beams;
+/// The first measurement that two runs treat differently.
+#[path = "suite/bisect.rs"]
+mod bisect;
 /// The book: its commands are run, its designs are checked, its links are followed.
 #[cfg(unix)]
 #[path = "suite/book.rs"]

@@ -381,7 +381,7 @@ fn soak(name: &str, length: Duration, cut: Duration) {
         .rfind(|line| line.starts_with("latency"))
         .unwrap_or_default()
         .to_owned();
-    println!(
+    eprintln!(
         "{sent:?} rows and {fixes} fixes, {cuts} cuts; {last}; memory {:?} kB",
         memories.iter().step_by(memories.len().div_ceil(12)).collect::<Vec<_>>()
     );
