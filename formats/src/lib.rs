@@ -17,12 +17,14 @@ mod bytes;
 mod chunks;
 #[cfg(any(feature = "parquet", feature = "arrow"))]
 mod columns;
-#[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]
+#[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea", feature = "mavlink"))]
 mod damage;
 #[cfg(feature = "dataflash")]
 mod dataflash;
 #[cfg(any(feature = "mcap", feature = "rosbag2"))]
 mod folder;
+#[cfg(feature = "mavlink")]
+pub mod mavlink;
 #[cfg(feature = "mcap")]
 mod mcap;
 pub mod messages;
@@ -38,7 +40,7 @@ mod rosbag2;
 mod signature;
 #[cfg(any(feature = "mcap", feature = "rosbag", feature = "rosbag2"))]
 mod stamped;
-#[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea"))]
+#[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea", feature = "mavlink"))]
 #[allow(dead_code, reason = "not every format uses all of it")]
 mod stream;
 #[cfg(test)]
@@ -80,6 +82,10 @@ mod without {
     #[cfg(not(feature = "ubx"))]
     mod ubx {
         crate::absent::absent_format!(Absent, "ubx", crate::signature::UBX);
+    }
+    #[cfg(not(feature = "mavlink"))]
+    mod mavlink {
+        crate::absent::absent_format!(Absent, "mavlink", crate::signature::MAVLINK);
     }
     #[cfg(not(feature = "nmea"))]
     mod nmea {

@@ -52,6 +52,13 @@ pub(crate) const UBX: Signature = Signature {
     recognises: |first| first.windows(2).any(|pair| pair == [0xb5, 0x62]),
 };
 
+/// Messages of MAVLink: the log of a ground station, or the bytes of a link.
+pub(crate) const MAVLINK: Signature = Signature {
+    name: "mavlink",
+    endings: &[".tlog"],
+    recognises: is_mavlink,
+};
+
 /// Sentences of NMEA 0183.
 pub(crate) const NMEA: Signature = Signature {
     name: "nmea",
@@ -72,6 +79,21 @@ pub(crate) const ARROW: Signature = Signature {
     endings: &[".arrow", ".feather"],
     recognises: |first| first.starts_with(b"ARROW1"),
 };
+
+/// Two frames follow each other from the first byte on, each perhaps with a stamp of eight bytes before it.
+fn is_mavlink(first: &[u8]) -> bool {
+    // The length of a frame without a signature, from its first byte and that of its content.
+    let frame = |bytes: &[u8]| match *bytes {
+        [0xfe, length, ..] => Some(8 + usize::from(length)),
+        [0xfd, length, 0, ..] => Some(12 + usize::from(length)),
+        [0xfd, length, 1, ..] => Some(25 + usize::from(length)),
+        _ => None,
+    };
+    [0, 8].into_iter().any(|before| {
+        let next = |from: usize| Some(from + before + frame(first.get(from + before..)?)?);
+        next(0).and_then(next).is_some()
+    })
+}
 
 /// The first line begins with the address of a sentence: `$GPGGA,` or `$GNRMC,`.
 fn is_nmea(first: &[u8]) -> bool {
