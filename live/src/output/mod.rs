@@ -2,8 +2,12 @@
 
 mod json;
 mod line;
+mod nmea;
+#[cfg(test)]
+mod testing;
 
 pub use json::JsonSpec;
+pub use nmea::NmeaSpec;
 
 use crate::link::Sender;
 use core::fmt::Debug;
