@@ -1,11 +1,15 @@
 //! Outputs: estimates that leave while the filter runs, in some format.
 
+#[cfg(feature = "foxglove")]
+mod foxglove;
 mod json;
 mod line;
 mod nmea;
 #[cfg(test)]
 mod testing;
 
+#[cfg(feature = "foxglove")]
+pub use foxglove::FoxgloveSpec;
 pub use json::JsonSpec;
 pub use nmea::NmeaSpec;
 
