@@ -1,12 +1,8 @@
 //! The files of other programs, written by a run of the command's demonstration and read back.
 
 use super::ellipse::Ellipses;
-use super::pose::{Pose, to_enu};
 use fusion::core::geometry::wgs84::Geodetic;
-use fusion::core::time::Time;
-use fusion::output::Origin;
-use fusion::solution::Solution;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 fn place(north: f64) -> Geodetic {
     let mut place = Geodetic {
@@ -40,37 +36,4 @@ fn an_ellipse_has_three_sigma_as_its_axes_and_does_not_overlap_with_the_one_befo
     assert!(area > 0.0);
     assert!(ellipses.next(&place(11.9), &covariance).is_none());
     assert!(ellipses.next(&place(12.1), &covariance).is_some());
-}
-
-#[test]
-fn a_pose_is_turned_into_the_axes_of_ros() {
-    let about = |yaw_deg: f64, pitch_deg: f64| Solution {
-        time: Time::from_seconds(0.0),
-        position: Some((place(5.0), Matrix3::identity())),
-        velocity: None,
-        attitude: Some((
-            UnitQuaternion::from_euler_angles(0.0, pitch_deg.to_radians(), yaw_deg.to_radians()),
-            Matrix3::identity(),
-        )),
-        with_attitude: [Matrix3::zeros(); 2],
-    };
-    let origin = Origin::default();
-    Pose::of(
-        &Solution {
-            position: Some((place(0.0), Matrix3::identity())),
-            ..about(0.0, 0.0)
-        },
-        &origin,
-    );
-    // Forward to the east is the axis x of the world, forward to the north is y, nose up is z.
-    for ((yaw, pitch), forward) in [((90.0, 0.0), Vector3::x()), ((0.0, 0.0), Vector3::y()), ((0.0, 90.0), Vector3::z())] {
-        let pose = Pose::of(&about(yaw, pitch), &origin).unwrap();
-        assert!((pose.q * Vector3::x() - forward).norm() < 1e-12, "{yaw} {pitch}: {}", pose.q);
-        // Left of a vehicle with a level heading is 90° counter-clockwise, seen from above.
-        if pitch == 0.0 {
-            assert!((pose.q * Vector3::z() - Vector3::z()).norm() < 1e-12);
-        }
-        assert!((pose.p - Vector3::new(0.0, 5.0, 0.0)).norm() < 1e-4, "{}", pose.p);
-    }
-    assert_eq!(to_enu(&Vector3::new(1.0, 2.0, 3.0)), Vector3::new(2.0, 1.0, -3.0));
 }

@@ -6,8 +6,8 @@
 //!
 //! Source    <https://github.com/MichaelGrupp/evo/wiki/Formats>
 
-use super::pose::Pose;
 use fusion::core::belief::Belief;
+use fusion::output::pose::Pose;
 use fusion::output::{EstimateClock, EstimateFormat, EstimateSink, Origin, OutputFile};
 use fusion::solution::Solution;
 use std::io::{self, Write};

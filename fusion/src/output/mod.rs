@@ -17,6 +17,7 @@ mod cells;
 mod decimal;
 mod estimates;
 mod format;
+pub mod pose;
 mod set;
 mod spill;
 mod unwritable;

@@ -83,7 +83,7 @@ pub trait Sender: Send {
 }
 
 /// Whether an operation ended because nothing came in time.
-fn is_time_out(error: &io::Error) -> bool {
+pub(crate) fn is_time_out(error: &io::Error) -> bool {
     matches!(
         error.kind(),
         io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted

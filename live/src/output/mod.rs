@@ -1,8 +1,17 @@
 //! Outputs: estimates that leave while the filter runs, in some format.
 
+#[cfg(feature = "foxglove")]
+mod foxglove;
 mod json;
+mod line;
+mod nmea;
+#[cfg(test)]
+mod testing;
 
+#[cfg(feature = "foxglove")]
+pub use foxglove::FoxgloveSpec;
 pub use json::JsonSpec;
+pub use nmea::NmeaSpec;
 
 use crate::link::Sender;
 use core::fmt::Debug;
@@ -10,7 +19,7 @@ use fusion::core::health::State;
 use fusion::core::time::Time;
 use fusion::output::{EstimateClock, Origin};
 use fusion::solution::Solution;
-use std::io;
+use std::io::{self, ErrorKind};
 use std::sync::Arc;
 
 /// An output as declared: the table `[output.NAME]`. A type registers itself as a block of the role `Output`, with
@@ -97,4 +106,9 @@ pub struct SensorNow {
     pub residual: Vec<f64>,
     /// The predicted 1σ of that residual: √S_ii.
     pub sigma: Vec<f64>,
+}
+
+/// The open link of an output that sends by one.
+fn opened(to: Option<&mut dyn Sender>) -> io::Result<&mut dyn Sender> {
+    to.ok_or_else(|| io::Error::new(ErrorKind::NotConnected, "the link is not open"))
 }

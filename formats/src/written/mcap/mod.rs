@@ -15,12 +15,12 @@ mod cdr;
 mod definitions;
 mod twist;
 
-use super::pose::{Pose, to_enu};
 use cdr::Cdr;
 use definitions::{DIAGNOSTICS, FIX, ODOMETRY, TF};
 use fusion::core::belief::Belief;
 use fusion::core::health::State;
 use fusion::core::time::Time;
+use fusion::output::pose::{Pose, enu_covariance};
 use fusion::output::{EstimateClock, EstimateFormat, EstimateSink, Origin, OutputFile};
 use fusion::solution::Solution;
 use mcap::records::MessageHeader;
@@ -198,14 +198,6 @@ impl EstimateSink for Bag {
         self.bag.finish().map_err(io::Error::other)?;
         Ok(self.bag.into_inner().into_inner())
     }
-}
-
-/// The covariance of a position \[m²\] in east, north, up.
-fn enu_covariance(ned: &Matrix3<f64>) -> Matrix3<f64> {
-    Matrix3::from_fn(|i, j| {
-        let of = |k: usize| to_enu(&Vector3::ith(k, 1.0));
-        (of(i).transpose() * ned * of(j)).x
-    })
 }
 
 /// The covariance of position and attitude, in the axes of the world: rows x, y, z, then turns about these axes.

@@ -234,22 +234,31 @@ impl Scale {
     }
 }
 
-/// A second of GPS time as a date and time of day of UTC, such as `2025-07-08T19:34:18Z`.
+/// A second of GPS time as a date and time of day of UTC, such as `2025-07-08T19:34:18Z`. A leap second is `23:59:60Z`.
 pub(in super::super) fn utc_text(gps_seconds: i64) -> String {
-    let instant = Epoch::from_gpst_duration(Duration::from_total_nanoseconds(i128::from(gps_seconds) * SECOND));
-    let (year, month, day, hour, minute, second, _) = instant.to_gregorian_utc();
+    let instant = i128::from(gps_seconds) * SECOND;
+    let count = last_unix(instant);
+    // `hifitime` has a new leap second half a minute too early: in TAI it counts as Unix time does, without leap seconds.
+    let calendar = Epoch::from_gregorian_tai_at_midnight(1970, 1, 1) + Duration::from_total_nanoseconds(count);
+    let (year, month, day, hour, minute, second, _) = calendar.to_gregorian_tai();
+    let is_leap = Origin::Unix.instant(count).is_some_and(|begin| begin < instant);
+    let second = second + u8::from(is_leap);
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
 /// Nanoseconds since 1970-01-01 UTC, without leap seconds as computers count, of nanoseconds of GPS time.
 pub(in super::super) fn unix_of_gps(nanos: i64) -> i64 {
-    let nanos = i128::from(nanos);
-    let near = Epoch::from_gpst_duration(Duration::from_total_nanoseconds(nanos));
+    i64::try_from(last_unix(i128::from(nanos))).unwrap_or(i64::MAX)
+}
+
+/// The last count of Unix time that is no later than an instant of GPS time; in a leap second, that of a second before.
+fn last_unix(instant: i128) -> i128 {
+    let near = Epoch::from_gpst_duration(Duration::from_total_nanoseconds(instant));
     let near = near.to_unix_duration().total_nanoseconds();
-    // In the last half minute before a leap second `hifitime` has it already: the count is the last one that is no later.
-    let is_past = |count: &i128| Origin::Unix.instant(*count).is_some_and(|instant| instant <= nanos);
+    // In the last half minute before a leap second `hifitime` has it already.
+    let is_past = |count: &i128| Origin::Unix.instant(*count).is_some_and(|begin| begin <= instant);
     let count = [near + SECOND, near, near - SECOND].into_iter().find(is_past);
-    i64::try_from(count.unwrap_or(near)).unwrap_or(i64::MAX)
+    count.unwrap_or(near)
 }
 
 /// Days of the calendar since 1970-01-01.
@@ -420,6 +429,15 @@ mod tests {
         }
         assert_eq!(zero.instant(LARGEST), None);
         assert_eq!(ZeroPoint::new(Origin::Gps).instant(5), Some(5));
+    }
+
+    #[test]
+    fn the_text_of_a_second_is_read_as_that_second() {
+        // The minute around the leap second at the end of 2016, and a second without any near it.
+        for second in (1_167_263_980..1_167_264_040).chain([1_000_000_000]) {
+            assert_eq!(utc(&utc_text(second)).unwrap(), i128::from(second) * SECOND, "{}", utc_text(second));
+        }
+        assert_eq!(utc_text(1_167_264_017), "2016-12-31T23:59:60Z");
     }
 
     #[test]
