@@ -40,6 +40,8 @@ enum Told {
 pub(crate) struct Decoder {
     tell: Sender<Told>,
     said: Receiver<Said>,
+    /// The reader has read nothing.
+    is_fresh: bool,
     /// Rows so far.
     pub(crate) rows: u64,
     /// The report of the readers that have ended.
@@ -66,6 +68,7 @@ impl Decoder {
         let mut decoder = Self {
             tell,
             said,
+            is_fresh: true,
             rows: 0,
             report: SourceReport::default(),
             trouble: None,
@@ -76,12 +79,15 @@ impl Decoder {
 
     /// Decodes bytes.
     pub(crate) fn push(&mut self, bytes: &[u8], take: &mut dyn FnMut(Decoded)) {
+        self.is_fresh &= bytes.is_empty();
         self.told(Told::Bytes(bytes.to_vec()), take);
     }
 
     /// The bytes so far are not continued.
     pub(crate) fn end(&mut self, take: &mut dyn FnMut(Decoded)) {
-        self.told(Told::End, take);
+        if !core::mem::replace(&mut self.is_fresh, true) {
+            self.told(Told::End, take);
+        }
     }
 
     fn told(&mut self, what: Told, take: &mut dyn FnMut(Decoded)) {
@@ -242,7 +248,9 @@ mod tests {
         );
         decoder.end(&mut |_| {});
         assert_eq!((decoder.report.used, decoder.report.left_out()), (6, 1));
-        assert_eq!(decoder.trouble, None);
+        // A second end finds no file without rows.
+        decoder.end(&mut |_| {});
+        assert_eq!((decoder.trouble.as_deref(), decoder.report.used), (None, 6));
     }
 
     #[test]

@@ -540,7 +540,7 @@ fn the_number_of_clients_has_a_limit() {
     assert_eq!(response.status(), 503);
     clients.truncate(1);
     until(|| output.server.count().clients == 1);
-    assert_eq!(Client::new(output.server.address).0.can_read(), true);
+    assert!(Client::new(output.server.address).0.can_read());
 }
 
 #[test]
