@@ -28,8 +28,9 @@ mod mcap;
 pub mod messages;
 #[cfg(feature = "nmea")]
 mod nmea;
+mod pose;
 #[cfg(any(feature = "mcap", feature = "rosbag", feature = "rosbag2"))]
-mod ros;
+pub mod ros;
 #[cfg(feature = "rosbag")]
 mod rosbag;
 #[cfg(feature = "rosbag2")]

@@ -19,7 +19,6 @@ mod kml;
 mod mcap;
 #[cfg(feature = "parquet")]
 mod parquet;
-mod pose;
 #[cfg(test)]
 mod tests;
 mod tum;

@@ -1,7 +1,7 @@
 //! The files of other programs, written by a run of the command's demonstration and read back.
 
 use super::ellipse::Ellipses;
-use super::pose::{Pose, to_enu};
+use crate::pose::{Pose, to_enu};
 use fusion::core::geometry::wgs84::Geodetic;
 use fusion::core::time::Time;
 use fusion::output::Origin;

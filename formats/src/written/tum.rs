@@ -6,7 +6,7 @@
 //!
 //! Source    <https://github.com/MichaelGrupp/evo/wiki/Formats>
 
-use super::pose::Pose;
+use crate::pose::Pose;
 use fusion::core::belief::Belief;
 use fusion::output::{EstimateClock, EstimateFormat, EstimateSink, Origin, OutputFile};
 use fusion::solution::Solution;

@@ -1,6 +1,6 @@
 //! The velocity of a body, and turns of its covariance.
 
-use crate::written::pose::{Pose, frd_from_flu};
+use crate::pose::{Pose, frd_from_flu};
 use fusion::solution::Solution;
 use nalgebra::{Matrix3, Vector3};
 

@@ -2,7 +2,7 @@
 //!
 //! Source    OMG, Common Data Representation, in the version XCDR1
 
-use crate::written::pose::Pose;
+use crate::pose::Pose;
 
 /// The bytes before the content: they say that it is little-endian.
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
