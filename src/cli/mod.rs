@@ -462,6 +462,8 @@ impl From<std::io::Error> for Failure {
 /// Runs the command.
 pub fn main() -> ExitCode {
     fusion_formats::link();
+    #[cfg(feature = "ros2")]
+    fusion_ros2::link();
     #[cfg(unix)]
     if let Err(error) = stop::watch() {
         report(&Diagnostic::warning(format!("a stop may leave unfinished files: {error}")).into());
