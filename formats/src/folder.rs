@@ -31,6 +31,15 @@ impl Parts {
         }
     }
 
+    /// The file alone, for bytes that arrive in its place.
+    #[cfg(feature = "mcap")]
+    pub(crate) fn one(file: &DataFile) -> Self {
+        Self {
+            name: file.name(),
+            files: vec![file.path().to_owned()].into_iter(),
+        }
+    }
+
     /// That there is no such file.
     pub(crate) fn none(&self) -> DataError {
         DataError::new(self.name.clone(), "this folder has no file of this format")

@@ -31,7 +31,7 @@ pub mod messages;
 #[cfg(feature = "nmea")]
 mod nmea;
 #[cfg(any(feature = "mcap", feature = "rosbag", feature = "rosbag2"))]
-mod ros;
+pub mod ros;
 #[cfg(feature = "rosbag")]
 mod rosbag;
 #[cfg(feature = "rosbag2")]

@@ -47,6 +47,8 @@ pub(crate) struct Counts {
     pub(crate) opened: AtomicU64,
     /// The last reason why it was not open.
     pub(crate) trouble: Mutex<Option<String>>,
+    /// The line of the link about itself.
+    pub(crate) about: Mutex<Option<String>>,
 }
 
 /// The queue of events, of all links.
@@ -202,9 +204,13 @@ impl Open {
 
     /// Receives until the link is lost: why, or `None` if it is not to be opened again.
     fn receive(&self, mut receiver: Box<dyn crate::link::Receiver>, inbox: &Inbox, clock: ArrivalClock) -> Option<String> {
-        let mut bytes = Vec::new();
+        let (mut bytes, mut looked) = (Vec::new(), Instant::now());
         while !inbox.stop.load(Ordering::Relaxed) {
             bytes.clear();
+            if looked.elapsed() >= LOOK {
+                looked = Instant::now();
+                *self.counts.about.lock().unwrap_or_else(PoisonError::into_inner) = receiver.status();
+            }
             match receiver.receive(LOOK, &mut bytes) {
                 Err(error) => return Some(error.to_string()),
                 Ok(Received::End) if self.spec.ends() => return None,

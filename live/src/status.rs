@@ -36,6 +36,8 @@ pub struct LinkStatus {
     pub opened: u64,
     /// Why it is not open now.
     pub trouble: Option<String>,
+    /// The line of the link about itself.
+    pub about: Option<String>,
 }
 
 /// The state of a source.
@@ -126,6 +128,7 @@ impl Board {
             dropped: counts.dropped.load(Ordering::Relaxed),
             opened: counts.opened.load(Ordering::Relaxed),
             trouble: text(&counts.trouble),
+            about: text(&counts.about),
         };
         let output = |(name, mailbox): &(String, Arc<Mailbox>)| OutputStatus {
             name: name.clone(),

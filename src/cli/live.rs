@@ -90,6 +90,9 @@ fn told(status: &Status) -> String {
         if let Some(trouble) = &link.trouble {
             line += &format!(", not open: {trouble}");
         }
+        if let Some(about) = &link.about {
+            line += &format!(", {about}");
+        }
         lines.push(line);
     }
     for source in &status.sources {

@@ -492,6 +492,8 @@ impl From<std::io::Error> for Failure {
 pub fn main() -> ExitCode {
     fusion_formats::link();
     fusion_live::link_blocks();
+    #[cfg(feature = "ros2")]
+    fusion_ros2::link();
     #[cfg(unix)]
     if let Err(error) = stop::watch() {
         report(&Diagnostic::warning(format!("a stop may leave unfinished files: {error}")).into());

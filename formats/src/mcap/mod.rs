@@ -4,6 +4,7 @@
 //! damage, and subtracts the length of a record from that of its chunk without a check. Its packings need a C compiler.
 //!
 //! Source   <https://mcap.dev/spec>
+//! Live     a message is given as soon as its record is complete, and bytes that arrive may end after any record
 //! Not read attachments, metadata, the summary at the end
 
 mod json;
@@ -97,12 +98,17 @@ impl McapReader {
 
 impl MessageReader for McapReader {
     fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
-        let mut parts = Parts::of(file, MCAP.endings);
+        let is_arriving = context.arriving.is_some();
+        let mut parts = if is_arriving {
+            Parts::one(file)
+        } else {
+            Parts::of(file, MCAP.endings)
+        };
         let bytes = parts.next_bytes(context).transpose()?.ok_or_else(|| parts.none())?;
         Ok(Self {
             context: context.clone(),
             parts,
-            records: records::open(bytes).map_err(|why| fusion::rows::DataError::new(file.name(), why))?,
+            records: records::open(bytes, is_arriving).map_err(|why| fusion::rows::DataError::new(file.name(), why))?,
             channels: HashMap::new(),
             known: HashMap::new(),
             schemas: HashMap::new(),
@@ -147,7 +153,7 @@ impl MessageReader for McapReader {
                     };
                     let broken = |message: String| Broken { at: None, message };
                     let bytes = bytes.map_err(|error| broken(error.to_string()))?;
-                    self.records = records::open(bytes).map_err(broken)?;
+                    self.records = records::open(bytes, self.context.arriving.is_some()).map_err(broken)?;
                     self.channels.clear();
                     self.schemas.clear();
                 }

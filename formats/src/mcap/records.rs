@@ -37,21 +37,23 @@ pub(super) enum Entry {
 pub(super) type Records = chunks::Records<Mcap>;
 
 /// How the records of MCAP are written.
-#[derive(Default)]
 pub(super) struct Mcap {
     record: Vec<u8>,
+    /// The file may end after any record: its sender was stopped.
+    is_open_ended: bool,
 }
 
-/// The records of a file.
+/// The records of a file; or of bytes that arrive, which may end after any record.
 ///
 /// # Errors
 /// The file does not begin as MCAP does.
-pub(super) fn open(mut bytes: Bytes) -> Result<Records, String> {
+pub(super) fn open(mut bytes: Bytes, is_open_ended: bool) -> Result<Records, String> {
     let magic = bytes.array().map_err(|broken| broken.message)?;
     if magic != Some(MAGIC) {
         return Err("this file does not begin as MCAP does".to_owned());
     }
-    Ok(Records::new(bytes, Mcap::default()))
+    let record = Vec::new();
+    Ok(Records::new(bytes, Mcap { record, is_open_ended }))
 }
 
 impl Layout for Mcap {
@@ -76,8 +78,10 @@ impl Layout for Mcap {
     fn top(&mut self, bytes: &mut Bytes, chunk: &mut Chunk, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
         let from = bytes.at();
         let cut = || Broken::at(from, "the file is cut off");
-        let head: [u8; 9] = bytes.array()?.ok_or_else(cut)?;
-        let [kind, length @ ..] = head;
+        let Some([kind, length @ ..]) = bytes.array::<9>()? else {
+            chunk.has_ended = self.is_open_ended && bytes.at() == from;
+            return if chunk.has_ended { Ok(None) } else { Err(cut()) };
+        };
         let length = u64::from_le_bytes(length);
         match kind {
             DATA_END | FOOTER => chunk.has_ended = true,

@@ -2,7 +2,11 @@
 
 use super::*;
 use crate::stamped::testing::{File, Shown, all, opened, survives_damage, whole};
-use std::io::Write;
+use fusion::source::ArrivingBytes;
+use std::collections::VecDeque;
+use std::io::{Read, Write};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
 
 const SECOND: u64 = 1_000_000_000;
 const DEFINITION: &str = "std_msgs/Header header\nfloat64 x\nE[] e\n===\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\n\
@@ -245,4 +249,63 @@ fn all_messages_before_a_cut_are_read() {
             assert!(broken.unwrap().message.contains("cut off"));
         }
     }
+}
+
+/// Bytes that have arrived. After the last of them the link is closed, or a reader must not wait for more.
+#[derive(Clone, Default)]
+struct Arrived(Arc<Mutex<(VecDeque<u8>, bool)>>);
+
+impl Arrived {
+    fn push(&self, bytes: &[u8]) {
+        self.0.lock().unwrap().0.extend(bytes);
+    }
+
+    fn reader(&self) -> McapReader {
+        let context = OpenContext {
+            arriving: Some(ArrivingBytes::new(Box::new(self.clone()))),
+            ..OpenContext::default()
+        };
+        McapReader::open(&DataFile::new(Path::new("no file"), &context), &context).unwrap()
+    }
+}
+
+impl Read for Arrived {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let mut arrived = self.0.lock().unwrap();
+        assert!(!arrived.0.is_empty() || arrived.1, "the reader waits for bytes beyond a record");
+        // One byte at a time, as a slow link has them.
+        arrived.0.read(&mut buffer[..1])
+    }
+}
+
+#[test]
+fn a_message_is_given_when_its_record_is_complete() {
+    let heads = [schema(1, "a/T", "ros2msg", DEFINITION.as_bytes()), channel(7, 1, "/a", "cdr")].concat();
+    let whole = file(&heads);
+    for packing in PACKINGS {
+        let arrived = Arrived::default();
+        // All before the end of the data.
+        arrived.push(&whole[..whole.len() - 50]);
+        let mut reader = arrived.reader();
+        for k in 0..3 {
+            let record = message(7, k, &cdr(1, k as f64, &[]));
+            arrived.push(&packing.map_or(record.clone(), |packing| chunk(packing, &record)));
+            assert_eq!(reader.advance(), Ok(Some(0)));
+            let mut cells = Cells::default();
+            reader.decode(&mut cells).unwrap();
+            assert_eq!(cells.shown(4), k.to_string());
+        }
+        arrived.0.lock().unwrap().1 = true;
+        assert_eq!(reader.advance(), Ok(None), "{packing:?}");
+    }
+}
+
+#[test]
+fn arriving_bytes_that_end_within_a_record_are_reported() {
+    let (arrived, bytes) = (Arrived::default(), bag(None, 2));
+    arrived.push(&bytes[..bytes.len() - 51]);
+    arrived.0.lock().unwrap().1 = true;
+    let (messages, broken) = all(&mut arrived.reader());
+    assert_eq!(messages.len(), 3);
+    assert_eq!(broken.unwrap().message, "the file is cut off");
 }

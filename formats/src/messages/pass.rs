@@ -113,7 +113,8 @@ impl<R: MessageReader> Pass<R> {
     }
 
     /// Puts the current message into the queues of its topic.
-    fn deliver(&mut self, topic: usize) {
+    pub(super) fn deliver(&mut self, topic: usize) {
+        self.has_begun = true;
         while self.of_topics.len() <= topic {
             let Topic { name, .. } = &self.reader.topics()[self.of_topics.len()];
             let queues = self.queues.iter().enumerate().filter(|(_, queue)| queue.topic == *name);

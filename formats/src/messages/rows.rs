@@ -1,7 +1,7 @@
 //! The messages of one topic as rows.
 
-use super::MessageReader;
 use super::pass::{MOST_WAITING, Message, Next, Pass};
+use super::{Broken, MessageReader};
 use core::fmt;
 use fusion::models::block::BuildError;
 use fusion::rows::{DataError, SourceError};
@@ -49,12 +49,15 @@ pub fn open<R: MessageReader>(
         (None, Some(_)) => return Err(BuildError::at("each", "a list needs the `topic` that has it").into()),
         (_, None) => None,
     };
-    let (topic, columns) = first::<R>(file, context, topic, list.as_ref())?;
-    let pass = context.shared.reader(file.path(), || pass::<R>(file, context))?;
-    let joined = pass.lock().unwrap_or_else(PoisonError::into_inner).join(&topic, list.as_ref());
-    let (pass, queue) = match joined {
-        Some(queue) => (pass, queue),
-        None => alone(file, context, &topic, list.as_ref())?,
+    let Found {
+        topic,
+        columns,
+        pass,
+        queue,
+    } = if context.arriving.is_some() {
+        arriving::<R>(file, context, topic, list.as_ref())?
+    } else {
+        recorded::<R>(file, context, topic, list.as_ref())?
     };
     Ok(Read {
         file: file.clone(),
@@ -66,6 +69,81 @@ pub fn open<R: MessageReader>(
         queue,
         message: Message::default(),
     })
+}
+
+/// The topic of a source, and the queue of its messages.
+struct Found<R> {
+    topic: String,
+    columns: Vec<String>,
+    pass: SharedPass<R>,
+    queue: usize,
+}
+
+/// Finds a topic of a file, which is read once for all sources.
+fn recorded<R: MessageReader>(
+    file: &DataFile,
+    context: &OpenContext,
+    topic: Option<&str>,
+    list: Option<&(String, String)>,
+) -> Result<Found<R>, SourceError> {
+    let (topic, columns) = first::<R>(file, context, topic, list)?;
+    let pass = context.shared.reader(file.path(), || pass::<R>(file, context))?;
+    let joined = pass.lock().unwrap_or_else(PoisonError::into_inner).join(&topic, list);
+    let (pass, queue) = match joined {
+        Some(queue) => (pass, queue),
+        None => alone(file, context, &topic, list)?,
+    };
+    Ok(Found {
+        topic,
+        columns,
+        pass,
+        queue,
+    })
+}
+
+/// Waits for the first message of a topic, or of any topic if none is named. The bytes come once: the pass continues after
+/// this message.
+fn arriving<R: MessageReader>(
+    file: &DataFile,
+    context: &OpenContext,
+    topic: Option<&str>,
+    list: Option<&(String, String)>,
+) -> Result<Found<R>, SourceError> {
+    let mut reader = reader::<R>(file, context)?;
+    let elements = elements(&mut reader, list)?;
+    let wanted = elements.as_deref().or(topic);
+    let (number, broken) = next_of(&mut reader, wanted);
+    let Some(number) = number else {
+        return Err(without(&reader, file, wanted, broken));
+    };
+    let (topic, columns) = (reader.topics()[number].name.clone(), reader.columns(number).to_vec());
+    let mut pass = Pass::new(reader, MOST_WAITING);
+    let queue = pass.join(&topic, None).unwrap_or_default();
+    pass.deliver(number);
+    Ok(Found {
+        topic,
+        columns,
+        pass: Arc::new(Mutex::new(pass)),
+        queue,
+    })
+}
+
+/// The name of the topic of the elements of a list.
+fn elements<R: MessageReader>(reader: &mut R, list: Option<&(String, String)>) -> Result<Option<String>, BuildError> {
+    let elements = list.map(|(topic, list)| reader.split(topic, list)).transpose();
+    elements.map_err(|why| BuildError::at("each", why))
+}
+
+/// Reads on to the next message of a topic, or of any topic, and returns the number of the topic, or the damage before.
+fn next_of<R: MessageReader>(reader: &mut R, wanted: Option<&str>) -> (Option<usize>, Option<Broken>) {
+    loop {
+        match reader.advance() {
+            Ok(Some(topic)) if wanted.is_none_or(|wanted| reader.topics()[topic].name == wanted) => return (Some(topic), None),
+            Ok(Some(_)) => {}
+            Ok(None) => return (None, None),
+            Err(broken) => return (None, Some(broken)),
+        }
+    }
 }
 
 fn pass<R: MessageReader>(file: &DataFile, context: &OpenContext) -> Result<Mutex<Pass<R>>, SourceError> {
@@ -106,38 +184,33 @@ fn first<R: MessageReader>(
         ..context.clone()
     };
     let mut reader = R::open(file, &context)?;
-    let elements = list.map(|(topic, list)| reader.split(topic, list)).transpose();
-    let elements = elements.map_err(|why| BuildError::at("each", why))?;
+    let elements = elements(&mut reader, list)?;
     let wanted = elements.as_deref().or(topic);
-    let (mut found, mut broken): (Option<usize>, _) = (None, None);
-    loop {
-        match reader.advance() {
-            Ok(Some(topic)) if wanted.is_some_and(|wanted| reader.topics()[topic].name == wanted) => {
-                found = Some(topic);
-                break;
-            }
-            // All topics have to be known before one can be called the only one.
-            Ok(Some(topic)) if wanted.is_none() && found.is_none_or(|found| found == topic) => found = Some(topic),
-            Ok(Some(_)) if wanted.is_none() => {
-                found = None;
-                break;
-            }
-            Ok(Some(_)) => {}
-            Ok(None) => break,
-            Err(error) => {
-                broken = Some(error);
+    let (mut found, mut broken) = next_of(&mut reader, wanted);
+    // All topics have to be known before one can be called the only one.
+    while let (None, Some(only)) = (wanted, found) {
+        match next_of(&mut reader, None) {
+            (Some(topic), _) if topic == only => {}
+            (Some(_), _) => found = None,
+            (None, damage) => {
+                broken = damage;
                 break;
             }
         }
     }
-    if let Some(topic) = found {
-        return Ok((reader.topics()[topic].name.clone(), reader.columns(topic).to_vec()));
+    match found {
+        Some(topic) => Ok((reader.topics()[topic].name.clone(), reader.columns(topic).to_vec())),
+        None => Err(without(&reader, file, wanted, broken)),
     }
+}
+
+/// That a log has no message of a topic, or several topics and none is named.
+fn without<R: MessageReader>(reader: &R, file: &DataFile, wanted: Option<&str>, broken: Option<Broken>) -> SourceError {
     let name = file.name();
     let mut known: Vec<String> = reader.topics().iter().map(|topic| format!("`{}`", topic.name)).collect();
     if known.is_empty() {
         let why = broken.map_or_else(|| "this log has no messages".to_owned(), |broken| broken.to_string());
-        return Err(DataError::new(name, why).into());
+        return DataError::new(name, why).into();
     }
     let further = known.len().saturating_sub(MOST_NAMED);
     known.truncate(MOST_NAMED);
@@ -154,7 +227,7 @@ fn first<R: MessageReader>(
         Some(wanted) => format!("`{name}` has no message of the topic `{wanted}`"),
         None => format!("`{name}` has several topics, and the source names none"),
     };
-    Err(BuildError::at("topic", message).help(help).into())
+    BuildError::at("topic", message).help(help).into()
 }
 
 impl<R: MessageReader> Read<R> {

@@ -5,12 +5,14 @@ use super::spec::message_format;
 use super::*;
 use crate::signature::Signature;
 use fusion::models::registry;
-use fusion::source::SharedReaders;
 use fusion::source::decode::RawRows;
 use fusion::source::table::LogTable;
+use fusion::source::{ArrivingBytes, SharedReaders};
+use std::collections::VecDeque;
 use std::fs;
 use std::io::{BufRead, BufReader, Read as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 const LINES: Signature = Signature {
@@ -246,4 +248,66 @@ fn a_topic_that_a_log_does_not_have_is_an_error_with_its_topics() {
     assert!(error.to_string().contains("several topics"), "{error}");
     let folder = Folder::new("only", "a 0 1\na 1 5\n");
     assert_eq!(all(folder.open(&folder.context(), None).unwrap()), [1.0, 5.0]);
+}
+
+/// A line at a time; a reader must not wait for a line before the rows of the lines before are taken.
+struct Given {
+    lines: VecDeque<&'static str>,
+    /// Lines that may be read.
+    allowed: Arc<AtomicUsize>,
+}
+
+impl std::io::Read for Given {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let Some(line) = self.lines.pop_front() else { return Ok(0) };
+        let left = self.allowed.fetch_sub(1, Ordering::Relaxed);
+        assert!(left > 0, "the reader waits before it gives a row");
+        buffer[..line.len()].copy_from_slice(line.as_bytes());
+        Ok(line.len())
+    }
+}
+
+/// Opens a source on lines that arrive, of which it may wait for `count`.
+fn opened_on(lines: &[&'static str], topic: Option<&str>, count: usize) -> (Result<Read<Lines>, SourceError>, Arc<AtomicUsize>) {
+    let allowed = Arc::new(AtomicUsize::new(count));
+    let given = Given {
+        lines: lines.iter().copied().collect(),
+        allowed: allowed.clone(),
+    };
+    let context = OpenContext {
+        arriving: Some(ArrivingBytes::new(Box::new(given))),
+        ..OpenContext::default()
+    };
+    let file = DataFile::new(Path::new("log.lines"), &context);
+    (open::<Lines>(&file, &context, topic, None), allowed)
+}
+
+#[test]
+fn arriving_bytes_are_read_once_and_each_row_is_given_before_the_next_one_is_awaited() {
+    let lines = ["LINES\n", "b 1 5\n", "a 2 6 7\n", "b 3 8\n", "a 4 9 10\n"];
+    let (rows, allowed) = opened_on(&lines, Some("a"), 3);
+    let mut rows = rows.unwrap();
+    assert_eq!(rows.columns(), ["t", "x[0]", "x[1]"]);
+    let shown = |rows: &Read<Lines>| (0..3).map(|k| rows.cell(k).shown().into_owned()).collect::<Vec<_>>();
+    assert!(rows.advance().unwrap());
+    assert_eq!(shown(&rows), ["2", "6", "7"]);
+    allowed.store(2, Ordering::Relaxed);
+    assert!(rows.advance().unwrap());
+    assert_eq!((shown(&rows), rows.place()), (["4", "9", "10"].map(str::to_owned).to_vec(), 2));
+    assert!(!rows.advance().unwrap());
+}
+
+#[test]
+fn arriving_bytes_without_a_named_topic_have_the_topic_of_their_first_message() {
+    let lines = ["LINES\n", "b 1 5\n", "a 2 6\n", "b 3 8\n"];
+    let (rows, _) = opened_on(&lines, None, 4);
+    let mut rows = rows.unwrap();
+    let mut stamps = Vec::new();
+    while rows.advance().unwrap() {
+        stamps.push(rows.cell(0).shown().into_owned());
+    }
+    assert_eq!(stamps, ["1", "3"]);
+    let (rows, _) = opened_on(&lines, Some("c"), 4);
+    let error = rows.unwrap_err().to_string();
+    assert!(error.contains("has no message of the topic `c`"), "{error}");
 }

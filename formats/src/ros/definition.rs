@@ -12,7 +12,7 @@
 //!
 //! Not read   wide strings, whose encoding differs between the implementations of ROS 2
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 /// The definitions of a message type and of the types that it needs.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -108,6 +108,26 @@ impl Definitions {
         Ok(())
     }
 
+    /// The possible full names of the types that a text mentions and does not define.
+    ///
+    /// # Errors
+    /// The text has a line that cannot be read.
+    pub(super) fn missing(name: &str, text: &str) -> Result<BTreeSet<String>, String> {
+        let mut all = Self::default();
+        all.add(name, text)?;
+        let mut missing = BTreeSet::new();
+        for (owner, fields) in &all.types {
+            for field in fields {
+                if let Kind::Message(written) = &field.kind
+                    && find(written, owner, all.types.keys()).is_none()
+                {
+                    missing.extend([written.clone(), near(written, owner)]);
+                }
+            }
+        }
+        Ok(missing)
+    }
+
     /// Gives every nested type its full name.
     fn resolve(&mut self) -> Result<(), String> {
         let names: Vec<String> = self.types.keys().cloned().collect();
@@ -125,28 +145,30 @@ impl Definitions {
         Ok(())
     }
 
-    /// Whether this type is defined.
-    #[cfg(feature = "rosbag2")]
-    pub(crate) fn has(&self, name: &str) -> bool {
-        self.types.contains_key(name)
-    }
-
     pub(super) fn fields(&self, name: &str) -> Option<&[Field]> {
         self.types.get(name).map(Vec::as_slice)
     }
 }
 
-/// The full name of a type that a definition of `owner` mentions.
-fn full_name(written: &str, owner: &str, known: &[String]) -> Result<String, String> {
+/// The name of a type of the package of `owner`.
+fn near(written: &str, owner: &str) -> String {
     let package = owner.split('/').next().unwrap_or_default();
-    let near = format!("{package}/{written}");
-    let found = known
-        .iter()
+    format!("{package}/{written}")
+}
+
+/// The full name, among those known, of a type that a definition of `owner` mentions.
+fn find<'a>(written: &str, owner: &str, known: impl Iterator<Item = &'a String> + Clone) -> Option<&'a String> {
+    let near = near(written, owner);
+    let mut exact = known.clone();
+    let mut by_last = known;
+    exact
         .find(|name| *name == written || **name == near)
-        .or_else(|| known.iter().find(|name| name.rsplit('/').next() == Some(written)));
-    found
-        .cloned()
-        .ok_or_else(|| format!("`{owner}` has a field of the type `{written}`, which is not defined"))
+        .or_else(|| by_last.find(|name| name.rsplit('/').next() == Some(written)))
+}
+
+fn full_name(written: &str, owner: &str, known: &[String]) -> Result<String, String> {
+    let missing = || format!("`{owner}` has a field of the type `{written}`, which is not defined");
+    find(written, owner, known.iter()).cloned().ok_or_else(missing)
 }
 
 /// The field that a line declares; `None` for a constant, a comment or an empty line.

@@ -8,12 +8,16 @@
 
 mod cursor;
 mod definition;
+#[cfg(feature = "mcap")]
+pub mod messages;
 mod plan;
 mod schema;
 #[cfg(test)]
 mod tests;
+mod usual;
 
 pub(crate) use cursor::Encoding;
 pub(crate) use definition::{Definitions, short_name};
 use plan::{Elements, Plan};
 pub(crate) use schema::schema;
+pub use usual::{completed, definition, known_types};

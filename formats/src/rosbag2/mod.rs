@@ -12,7 +12,7 @@ mod tests;
 
 use crate::folder::Parts;
 use crate::messages::{Broken, Cells, MessageReader, message_format};
-use crate::ros::{self, Definitions, Encoding, short_name};
+use crate::ros::{self, Definitions, Encoding};
 use crate::signature::ROSBAG2;
 use crate::stamped::{Schema, Streams, Unreadable};
 use database::{Database, TopicRow};
@@ -21,9 +21,6 @@ use fusion::source::decode::Origin;
 use fusion::source::table::Topic;
 use fusion::source::{DataFile, OpenContext};
 use std::collections::HashMap;
-
-/// Definitions of usual messages.
-const USUAL: &str = include_str!("usual.msg");
 
 message_format! {
     /// A topic of a bag of ROS 2 in SQLite: a file, or a folder with such files.
@@ -68,15 +65,9 @@ fn schema(row: &TopicRow) -> Box<dyn Schema> {
     if row.serialisation != "cdr" {
         return Box::new(Unreadable(format!("messages of the encoding `{}` are not read", row.serialisation)));
     }
-    let definitions = match &row.definition {
-        Some(definition) => Definitions::parse(&row.message_type, definition),
-        None => Definitions::parse("", USUAL).and_then(|usual| {
-            let is_known = usual.has(&short_name(&row.message_type));
-            is_known
-                .then_some(usual)
-                .ok_or_else(|| "this file has no definition of it".to_owned())
-        }),
-    };
+    let definition = row.definition.clone().or_else(|| ros::definition(&row.message_type));
+    let definition = definition.ok_or_else(|| "this file has no definition of it".to_owned());
+    let definitions = definition.and_then(|text| Definitions::parse(&row.message_type, &text));
     ros::schema(&row.message_type, definitions, Encoding::Cdr)
 }
 

@@ -58,6 +58,11 @@ pub trait Receiver: Send {
     /// # Errors
     /// The link is lost.
     fn receive(&mut self, wait: Duration, bytes: &mut Vec<u8>) -> io::Result<Received>;
+
+    /// One line for `fusion live` about what the link has received and lost by itself, such as the messages of each topic.
+    fn status(&self) -> Option<String> {
+        None
+    }
 }
 
 /// The result of receiving.

@@ -37,7 +37,7 @@ pub trait OutputSpec: Debug + Send + Sync {
 }
 
 /// The facts about a run that an output may need.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct About {
     /// The line with which the design describes itself.
@@ -65,7 +65,7 @@ pub trait Output: Send {
 }
 
 /// The estimate of *now*, as it leaves.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Outgoing {
     /// The number of this estimate at this output, from 0.
