@@ -1,14 +1,15 @@
 //! Messages of ROS 1 and ROS 2: their definitions as text, and their two encodings.
 //!
 //! ```text
-//! text ── Definitions ──┐
-//!                       ├──▶ Plan ── walks over each message ──▶ cells
+//! text ── Definitions ──┐              ┌── selected columns
+//!                       ├──▶ Plan ──▶ Program ── reads each message ──▶ cells
 //! first message ────────┘
 //! ```
 
 mod cursor;
 mod definition;
 mod plan;
+mod program;
 mod schema;
 #[cfg(test)]
 mod tests;

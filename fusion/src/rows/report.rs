@@ -6,6 +6,9 @@ use fusion_core::time::Time;
 /// Examples kept per reason.
 const EXAMPLES: usize = 3;
 
+/// The reason of a row that stands for the damage of its file. Its example is the damage in words.
+pub(crate) const DAMAGED: &str = "the file is damaged";
+
 /// A row that was left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Example {
@@ -61,6 +64,13 @@ impl SourceReport {
     pub fn mean_rate(&self) -> Option<f64> {
         let span = self.span();
         (span > 0.0).then(|| (self.used.saturating_sub(1)) as f64 / span)
+    }
+
+    /// The damage of its file, in words.
+    #[must_use]
+    pub fn damage(&self) -> Option<&str> {
+        let damage = self.skipped.iter().find(|skipped| skipped.reason == DAMAGED)?;
+        damage.examples.first().map(|example| example.what.as_str())
     }
 
     /// Rows left out.
