@@ -37,18 +37,20 @@ impl Bytes {
     /// # Errors
     /// The count is beyond [`MOST_BYTES`], or the file cannot be read.
     pub(crate) fn read(&mut self, count: u64, buffer: &mut Vec<u8>) -> Result<(), Broken> {
-        buffer.clear();
         let all = usize::try_from(count).ok().filter(|_| count <= MOST_BYTES);
         let all = all.ok_or_else(|| Broken::at(self.at, format!("a record of {count} bytes is beyond {MOST_BYTES}")))?;
-        while buffer.len() < all {
-            let from = buffer.len();
-            buffer.resize(all.min(from + STEP), 0);
-            let read = self.fill(&mut buffer[from..])?;
-            buffer.truncate(from + read);
+        let mut done = 0;
+        while done < all {
+            // Bytes of the record before are overwritten: they are not set to zero again.
+            let to = all.min(buffer.len().max(done + STEP));
+            buffer.resize(buffer.len().max(to), 0);
+            let read = self.fill(&mut buffer[done..to])?;
+            done += read;
             if read == 0 {
                 break;
             }
         }
+        buffer.truncate(done);
         Ok(())
     }
 

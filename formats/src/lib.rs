@@ -17,7 +17,16 @@ mod bytes;
 mod chunks;
 #[cfg(any(feature = "parquet", feature = "arrow"))]
 mod columns;
-#[cfg(any(feature = "ulog", feature = "dataflash", feature = "ubx", feature = "nmea", feature = "mavlink"))]
+#[cfg(any(
+    feature = "mcap",
+    feature = "rosbag",
+    feature = "ulog",
+    feature = "dataflash",
+    feature = "ubx",
+    feature = "nmea",
+    feature = "mavlink"
+))]
+#[allow(dead_code, reason = "not every format uses all of it")]
 mod damage;
 #[cfg(feature = "dataflash")]
 mod dataflash;

@@ -28,7 +28,7 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Writes the estimates of estimates.csv in these formats too, with commas between them: `geojson`, `gpx`, `kml`,
-    /// `mcap`, `parquet`, `tum`. With `--smooth` also the smoothed ones.
+    /// `mcap`, `parquet`, `sbet`, `tum`. With `--smooth` also the smoothed ones.
     #[arg(long, value_name = "FORMAT,…", requires = "out", value_delimiter = ',', value_parser = estimate_format, conflicts_with_all = ["checkpoint", "resume"])]
     also: Vec<&'static EstimateFormat>,
     /// Seed of simulated data and random faults, instead of the design's.

@@ -30,7 +30,7 @@ fn a_run_writes_its_estimates_for_maps_and_other_programs() {
     fusion_formats::link();
     let w = Workspace::new("formats");
     let design = format!("{ROOT}/configs/ins-gps.toml");
-    let also = "geojson,gpx,kml,mcap,parquet,tum,kml";
+    let also = "geojson,gpx,kml,mcap,parquet,sbet,tum,kml";
     let set = "run.output_rate=1 Hz";
     let args = ["run", &design, "--set", set, "--out", "out", "--also", also, "--smooth"];
     let shown = stdout(&w.fusion(&args).success());
@@ -69,6 +69,30 @@ fn a_run_writes_its_estimates_for_maps_and_other_programs() {
             assert!((found - wanted).abs() < 1e-9, "row {k}: {row:?}");
         }
         assert!((row[0] - column(&csv, "t_s")[k]).abs() < 1e-6);
+    }
+
+    let sbet = std::fs::read(w.path("out/estimates.sbet")).unwrap();
+    let (numbers, rest) = sbet.as_chunks::<8>();
+    let numbers: Vec<f64> = numbers.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
+    assert_eq!((numbers.len(), rest.len()), (17 * rows, 0));
+    for (k, record) in numbers.chunks(17).enumerate() {
+        let written = [
+            "t_s",
+            "lat_deg",
+            "lon_deg",
+            "height_m",
+            "vn_mps",
+            "ve_mps",
+            "vd_mps",
+            "roll_deg",
+            "pitch_deg",
+        ];
+        let of_degrees = [false, true, true, false, false, false, false, true, true];
+        for ((name, is_angle), found) in written.into_iter().zip(of_degrees).zip(record) {
+            let found = if is_angle { found.to_degrees() } else { *found };
+            // The table is rounded to 0.1 mm or better; degrees of a place to 1e-9.
+            assert!((column(&csv, name)[k] - found).abs() < 1e-4, "row {k}, {name}: {record:?}");
+        }
     }
 
     let map: serde_json::Value = serde_json::from_str(&w.read("out/estimates.geojson")).unwrap();

@@ -68,6 +68,29 @@ impl Facts<'_> {
         Some(finding)
     }
 
+    /// Logs that are damaged or cut off, each once with its sources.
+    pub(super) fn damaged_logs(&self) -> Vec<Finding> {
+        let mut logs: Vec<(&str, Vec<String>)> = Vec::new();
+        for source in self.run.sources {
+            let Some(damage) = source.report.damage() else { continue };
+            // Sources of one log have the same damage.
+            let name = format!("`{}`", source.name);
+            match logs.iter_mut().find(|(known, _)| *known == damage) {
+                Some((_, sources)) => sources.push(name),
+                None => logs.push((damage, vec![name])),
+            }
+        }
+        let advice = "copy or download the log again. If there is no better copy, the rows that could be read are used, and the lost ones \
+                      are a gap";
+        let found = logs.into_iter().map(|(damage, sources)| Finding {
+            about: sources[0].trim_matches('`').to_owned(),
+            evidence: format!("the log of {} is damaged: {damage}", sources.join(", ")),
+            advice: advice.to_owned(),
+            ..Finding::of("log-damaged")
+        });
+        found.collect()
+    }
+
     /// Samples of the input that its declared range excludes.
     pub(super) fn beyond_range(&self) -> Option<Finding> {
         let process = self.process()?;

@@ -133,6 +133,7 @@ const HEADINGS: &[&str] = &["heading-constant", "reference-heading", "heading-wr
 
 /// All rules of a run.
 const RULES: &[RunRule] = &[
+    rule(&["log-damaged"], |f, _| f.damaged_logs()).needs(&[]),
     rule(&["never-started"], |f, _| one(f.never_started())).needs(&[Need::NoStart]),
     rule(&["lost"], |f, _| one(f.lost())),
     rule(&["late-start"], |f, _| one(f.late_start())),

@@ -141,11 +141,13 @@ impl Clock {
         }
     }
 
-    /// The clock of a format that defines its stamps.
+    /// The clock of a format that defines its stamps: its first column, or the times of recording if those of the first
+    /// column cannot be used.
     fn own(table: &LogTable) -> Option<Self> {
-        let (own, column) = (table.format.clock?, table.columns.first()?);
+        let own = table.format.clock?;
         let scale = factor(own.unit);
-        let stamps = column.values.iter().map(|v| v * scale);
+        let (column, why) = of_recorder(table, scale).unwrap_or_else(|| (0, "as the format defines it".to_owned()));
+        let stamps = table.columns.get(column)?.values.iter().map(|v| v * scale);
         let first = stamps.clone().find(|t| t.is_finite())?;
         let (origin, shift) = match own.counts_from {
             None => (Origin::Unknown, 0.0),
@@ -153,11 +155,23 @@ impl Clock {
             Some(decode::Origin::Unix) => (Origin::Unix, gps_of_unix(first).map_or(0.0, |gps| gps - first)),
         };
         Some(Self {
+            column,
             unit: own.unit,
             origin,
-            why: "as the format defines it".to_owned(),
+            why,
             ..Self::measured(stamps.map(|t| t + shift).collect())
         })
+    }
+
+    /// A note about stamps of messages that cannot be used.
+    pub(super) fn instead(&self, table: &LogTable) -> Option<String> {
+        table.format.clock.filter(|_| self.column != 0)?;
+        let [usual, instead] = [0, self.column].map(|k| &table.columns[k].name);
+        Some(format!(
+            "`{}`: {}. A source reads `{usual}` by default; write `time.column = \"{instead}\"`, the time of recording",
+            table.name(),
+            self.why
+        ))
     }
 
     /// The columns that the clock reads.
@@ -259,6 +273,36 @@ impl Clock {
         let all = || self.stamps.iter().copied();
         (quantile(all(), 0.0), quantile(all(), 1.0))
     }
+}
+
+/// The column with the times of recording, and why the stamps of the messages cannot be used, if most of them cannot.
+/// `scale` is the unit of both \[s\].
+fn of_recorder(table: &LogTable, scale: f64) -> Option<(usize, String)> {
+    /// A stamp this long after its recording is wrong: time zones differ by a day at most \[s\].
+    const AHEAD: f64 = 86_400.0;
+    /// A clock that is set shows 1973 or later. An earlier stamp counts from the start of a device \[s\].
+    const SET: f64 = 1e8;
+    let column = table.columns.iter().position(|column| column.name == "log_time")?;
+    let seconds = |k: usize| table.columns[k].values.iter().map(move |v| v * scale);
+    let pairs: Vec<(f64, f64)> = seconds(0).zip(seconds(column)).collect();
+    let share =
+        |is: &dyn Fn(f64, f64) -> bool| pairs.iter().filter(|(stamp, recorded)| is(*stamp, *recorded)).count() as f64 / pairs.len() as f64;
+    let (zero, early, ahead) = (
+        share(&|stamp, _| stamp == 0.0),
+        share(&|stamp, recorded| stamp < SET && recorded >= SET),
+        share(&|stamp, recorded| stamp > recorded + AHEAD),
+    );
+    let why = if zero > 0.5 {
+        format!("the stamps in the messages are 0 in {:.0} % of the rows", 100.0 * zero)
+    } else if early > 0.5 {
+        "the stamps in the messages count from the start of a device, not from 1970".to_owned()
+    } else if ahead > 0.5 {
+        let days = median(pairs.iter().map(|(stamp, recorded)| stamp - recorded)) / AHEAD;
+        format!("the stamps in the messages are {days:.1} days after the recording")
+    } else {
+        return None;
+    };
+    Some((column, why))
 }
 
 /// Dates with the time of day.

@@ -164,6 +164,11 @@ impl Log {
             .collect()
     }
 
+    /// A note about stamps of messages that cannot be used.
+    pub(super) fn of_stamps(&self) -> Option<String> {
+        self.clock.as_ref()?.instead(&self.table)
+    }
+
     /// A note about several recordings in the file.
     pub(super) fn recordings(&self) -> Option<String> {
         let Form::Recordings { second, each } = self.clock.as_ref()?.form else {

@@ -5,6 +5,7 @@ use super::signal::{Kind, Signal};
 use super::size::{is_beyond, is_without_gravity, settle, settle_by_turns};
 use super::types;
 use super::words::{QUATERNION, Words, contains, is_called, is_height, is_phrase};
+use core::ops::Range;
 use fusion::source::table::{LogColumn, LogTable};
 
 /// Words of a quantity that another filter computed from others, or of a setpoint.
@@ -90,8 +91,7 @@ pub(crate) fn reported_by_name(names: &[String]) -> Vec<Reported> {
     let mut finder = Finder::of(&table);
     finder.vectors();
     finder.sigmas();
-    let is_sigma = |s: &Signal| matches!(s.kind, Kind::PositionSigma | Kind::VelocitySigma);
-    let found = finder.found.iter().filter(|s| is_sigma(s));
+    let found = finder.found.iter().filter(|s| s.kind.sigmas().is_some());
     found
         .map(|s| Reported {
             kind: s.kind,
@@ -178,10 +178,22 @@ impl<'a> Finder<'a> {
                 let column = self.table.columns.iter().position(|column| column.name == plain)?;
                 Some((column, is_against))
             });
-            let columns: Vec<(usize, bool)> = columns.collect();
+            let mut columns: Vec<(usize, bool)> = columns.collect();
             let is_zero = |(k, _): &(usize, bool)| self.table.columns[*k].values.iter().all(|v| *v == 0.0);
             let has = |kind: Kind| self.found.iter().any(|s| s.kind == kind);
             if *kind == Kind::Speed && has(Kind::BodyVelocity) {
+                continue;
+            }
+            // In a plane, the variance along up is zero: that across stands for it.
+            if let (Kind::PositionSigma, [_, across, up]) = (*kind, &mut columns[..])
+                && is_zero(up)
+            {
+                *up = *across;
+            }
+            if kind
+                .sigmas()
+                .is_some_and(|usual| !columns.iter().all(|(k, _)| self.is_variance(*k, &usual)))
+            {
                 continue;
             }
             // Two axes that are always zero are not measured.
@@ -192,6 +204,12 @@ impl<'a> Finder<'a> {
                 (found.unit, found.why) = ((*unit).to_owned(), "by the type of the message".to_owned());
             }
         }
+    }
+
+    /// Whether a column has a variance in each row that has a number, and a usual 1σ.
+    fn is_variance(&self, column: usize, usual: &Range<f64>) -> bool {
+        let values = || self.table.columns[column].values.iter().copied().filter(|v| v.is_finite());
+        values().all(|v| v > 0.0) && usual.contains(&fusion_core::math::sqrt(median(values())))
     }
 
     /// Adds a quantity in the unit that its first column names; `None` if there is one of this kind.

@@ -24,7 +24,7 @@ impl Inspection {
         let mut sections = vec![
             self.logs
                 .iter()
-                .flat_map(|log| [log.several(), log.side_by_side(), log.of_day(), log.recordings()])
+                .flat_map(|log| [log.several(), log.side_by_side(), log.of_day(), log.of_stamps(), log.recordings()])
                 .flatten()
                 .chain(of_files)
                 .fold(Section::new("Files", [all(file, files())]), Section::note),

@@ -1,6 +1,7 @@
 //! A quantity in the columns of a table.
 
 use super::numbers::Vec3;
+use core::ops::Range;
 use fusion::source::table::LogTable;
 use fusion_core::math;
 use fusion_models::units::parse_unit;
@@ -44,6 +45,14 @@ pub enum Kind {
     PositionSigma,
     /// 1σ of the velocity, as reported.
     VelocitySigma,
+    /// 1σ of the velocity forward, right, down, as reported.
+    BodyVelocitySigma,
+    /// 1σ of the speed, as reported.
+    SpeedSigma,
+    /// 1σ of the turn rate, as reported.
+    YawRateSigma,
+    /// 1σ of the attitude, as reported.
+    AttitudeSigma,
 }
 
 impl Kind {
@@ -84,7 +93,34 @@ impl Kind {
             ],
             Self::PositionSigma => ["1σ of position", "position_sigma", SIGMA],
             Self::VelocitySigma => ["1σ of velocity", "velocity_sigma", SIGMA],
+            Self::BodyVelocitySigma => ["1σ of velocity, body", "body_velocity_sigma", SIGMA],
+            Self::SpeedSigma => ["1σ of speed", "speed_sigma", SIGMA],
+            Self::YawRateSigma => ["1σ of yaw rate", "yaw_rate_sigma", SIGMA],
+            Self::AttitudeSigma => ["1σ of attitude", "attitude_sigma", SIGMA],
         }
+    }
+
+    /// The 1σ of this kind, as a log reports it.
+    pub(super) const fn sigma(self) -> Option<Self> {
+        Some(match self {
+            Self::Geodetic | Self::Local => Self::PositionSigma,
+            Self::Velocity => Self::VelocitySigma,
+            Self::BodyVelocity => Self::BodyVelocitySigma,
+            Self::Speed => Self::SpeedSigma,
+            Self::YawRate => Self::YawRateSigma,
+            Self::Quaternion => Self::AttitudeSigma,
+            _ => return None,
+        })
+    }
+
+    /// The plausible 1σ of instruments and of estimates, in SI, if this is one.
+    pub(super) fn sigmas(self) -> Option<Range<f64>> {
+        Some(match self {
+            Self::PositionSigma => 1e-4..1e3,
+            Self::VelocitySigma | Self::BodyVelocitySigma | Self::SpeedSigma => 1e-4..50.0,
+            Self::YawRateSigma | Self::AttitudeSigma => 1e-5..1.0,
+            _ => return None,
+        })
     }
 
     /// The name in words.
@@ -143,7 +179,7 @@ impl Signal {
 
     /// Whether the columns hold the squares of a 1σ.
     pub(super) fn is_variance(&self) -> bool {
-        matches!(self.kind, Kind::PositionSigma | Kind::VelocitySigma) && self.unit.ends_with("^2")
+        self.kind.sigmas().is_some() && self.unit.ends_with("^2")
     }
 
     /// The value of a row, not yet in SI; missing axes are zero.

@@ -282,7 +282,7 @@ fn by_quarter(lengths: Vec<f64>) -> f64 {
 }
 
 /// Returns true if the columns of a 1σ cover all axes of a quantity.
-fn covers(log: &Log, sigma: Kind, of: Kind) -> bool {
+pub(super) fn covers(log: &Log, sigma: Kind, of: Kind) -> bool {
     let axes = |kind| log.signal(kind).map(|s| s.columns.len());
     axes(of).is_some() && axes(sigma) >= axes(of)
 }

@@ -1,6 +1,8 @@
 //! Quantities of message types whose fields have a defined meaning: the usual ones of ROS.
 //!
-//! Covariances of ROS are matrices row by row. Those of a position are along east, north, up.
+//! Covariances of ROS are matrices row by row. Those of a position are along east, north, up. Those of a pose or of a
+//! twist have six rows: along x, y, z, then about x, y, z. A covariance of zero is unknown, and so is one that begins
+//! with −1 (`sensor_msgs/Imu`).
 
 use super::signal::Kind;
 
@@ -23,6 +25,15 @@ const IMU: Fields = &[
         &["orientation.w", "orientation.x", "orientation.y", "orientation.z"],
         "",
     ),
+    (
+        Kind::AttitudeSigma,
+        &[
+            "orientation_covariance[0]",
+            "orientation_covariance[4]",
+            "orientation_covariance[8]",
+        ],
+        "rad^2",
+    ),
 ];
 const FIX: Fields = &[
     (Kind::Geodetic, &["latitude", "longitude", "altitude"], "deg"),
@@ -32,8 +43,36 @@ const FIX: Fields = &[
         "m^2",
     ),
 ];
+/// Metres of a map or a room: x, y, z as east, north, up.
+const POSE: Fields = &[
+    (
+        Kind::Local,
+        &["pose.pose.position.y", "pose.pose.position.x", "-pose.pose.position.z"],
+        "m",
+    ),
+    (
+        Kind::PositionSigma,
+        &["pose.covariance[7]", "pose.covariance[0]", "pose.covariance[14]"],
+        "m^2",
+    ),
+    (
+        Kind::Quaternion,
+        &[
+            "pose.pose.orientation.w",
+            "pose.pose.orientation.x",
+            "pose.pose.orientation.y",
+            "pose.pose.orientation.z",
+        ],
+        "",
+    ),
+    (
+        Kind::AttitudeSigma,
+        &["pose.covariance[21]", "pose.covariance[28]", "pose.covariance[35]"],
+        "rad^2",
+    ),
+];
 /// Wheels give no sideways velocity: then the forward one is a speed.
-const ODOMETRY: Fields = &[
+const TWIST: Fields = &[
     (
         Kind::BodyVelocity,
         &["twist.twist.linear.x", "-twist.twist.linear.y", "-twist.twist.linear.z"],
@@ -41,6 +80,13 @@ const ODOMETRY: Fields = &[
     ),
     (Kind::Speed, &["twist.twist.linear.x"], "m/s"),
     (Kind::YawRate, &["-twist.twist.angular.z"], "rad/s"),
+    (
+        Kind::BodyVelocitySigma,
+        &["twist.covariance[0]", "twist.covariance[7]", "twist.covariance[14]"],
+        "m^2/s^2",
+    ),
+    (Kind::SpeedSigma, &["twist.covariance[0]"], "m^2/s^2"),
+    (Kind::YawRateSigma, &["twist.covariance[35]"], "rad^2/s^2"),
 ];
 const FIELD: Fields = &[(
     Kind::MagneticField,
@@ -57,7 +103,8 @@ pub(super) fn fields(message_type: &str) -> Option<Fields> {
         "sensor_msgs/NavSatFix" => FIX,
         "sensor_msgs/MagneticField" => FIELD,
         "sensor_msgs/FluidPressure" => PRESSURE,
-        "nav_msgs/Odometry" => ODOMETRY,
+        "geometry_msgs/PoseWithCovarianceStamped" => POSE,
+        "geometry_msgs/TwistWithCovarianceStamped" | "nav_msgs/Odometry" => TWIST,
         _ => return None,
     })
 }

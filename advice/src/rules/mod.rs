@@ -20,6 +20,7 @@ macro_rules! rules {
 /// All rules, those of a run first.
 pub const ALL: &[Rule] = rules! {
     // A run.
+    "log-damaged": "A log is damaged or cut off.",
     "never-started": "All sources have rows, but the filter never started.",
     "lost": "The filter was lost outside declared outages.",
     "late-start": "The filter started after a quarter of the log.",

@@ -13,6 +13,7 @@ mod records;
 #[cfg(test)]
 mod tests;
 
+use crate::damage::Damage;
 use crate::folder::Parts;
 use crate::messages::{Broken, Cells, MessageReader, message_format};
 use crate::ros::{self, Definitions, Encoding};
@@ -23,7 +24,7 @@ use fusion::source::decode::Origin;
 use fusion::source::table::Topic;
 use fusion::source::{DataFile, OpenContext};
 use records::{Entry, Records};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 message_format! {
     /// A topic of an MCAP file, or of a folder of ROS 2 with such files.
@@ -45,12 +46,13 @@ struct McapReader {
     parts: Parts,
     records: Records,
     /// The numbers of the channels of the current file in `streams`.
-    channels: HashMap<u16, usize>,
+    channels: BTreeMap<u16, usize>,
     /// The channels of all files by topic, schema and encoding.
     known: HashMap<(String, String, Vec<u8>), usize>,
     schemas: HashMap<u16, WrittenSchema>,
     streams: Streams,
     message: Vec<u8>,
+    damage: Damage,
 }
 
 /// A schema as the file has it.
@@ -109,11 +111,12 @@ impl MessageReader for McapReader {
             context: context.clone(),
             parts,
             records: records::open(bytes, is_arriving).map_err(|why| fusion::rows::DataError::new(file.name(), why))?,
-            channels: HashMap::new(),
+            channels: BTreeMap::new(),
             known: HashMap::new(),
             schemas: HashMap::new(),
             streams: Streams::default(),
             message: Vec::new(),
+            damage: Damage::default(),
         })
     }
 
@@ -126,10 +129,12 @@ impl MessageReader for McapReader {
             return Ok(Some(element));
         }
         loop {
-            match self.records.next(&mut self.message)? {
+            match self.records.next(&mut self.message, &mut self.damage)? {
                 Some(Entry::Message { channel, log_time }) => {
-                    // A message of a channel that the file does not declare.
-                    let Some(channel) = self.channels.get(&channel) else { continue };
+                    let Some(channel) = self.channels.get(&channel) else {
+                        self.damage.undeclared(|| format!("channel {channel}"));
+                        continue;
+                    };
                     let topic = self.streams.receive(*channel, &self.message, log_time);
                     return topic.map(Some).map_err(|message| Broken { at: None, message });
                 }
@@ -149,7 +154,7 @@ impl MessageReader for McapReader {
                 }) => self.add_channel(number, schema, &topic, &encoding),
                 None => {
                     let Some(bytes) = self.parts.next_bytes(&self.context) else {
-                        return Ok(None);
+                        return self.damage.reported();
                     };
                     let broken = |message: String| Broken { at: None, message };
                     let bytes = bytes.map_err(|error| broken(error.to_string()))?;
@@ -167,6 +172,10 @@ impl MessageReader for McapReader {
 
     fn columns(&self, topic: usize) -> &[String] {
         self.streams.columns(topic)
+    }
+
+    fn select(&mut self, topic: usize, columns: &[usize]) -> Option<Vec<usize>> {
+        self.streams.select(topic, columns)
     }
 
     fn decode(&mut self, cells: &mut Cells) -> Result<(), String> {

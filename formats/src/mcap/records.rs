@@ -92,9 +92,10 @@ impl Layout for Mcap {
                     return Err(cut());
                 }
                 let entry = entry(kind, &self.record, message);
-                return entry
-                    .map(Some)
-                    .ok_or_else(|| Broken::at(from, "a record is shorter than its fields"));
+                if entry.is_none() {
+                    chunk.lose(from, "a record is shorter than its fields");
+                }
+                return Ok(entry);
             }
             _ if !bytes.skip(length)? => return Err(cut()),
             _ => {}
@@ -104,37 +105,33 @@ impl Layout for Mcap {
 }
 
 impl Mcap {
-    /// Reads a chunk. A damage in it is reported after the records before it.
+    /// Reads a chunk. The records before a damage in it are used.
     fn read_chunk(&mut self, (bytes, chunk): (&mut Bytes, &mut Chunk), from: u64, length: u64) -> Result<(), Broken> {
-        let broken = |why: &str| Broken::at(from, why);
         bytes.read(length, &mut self.record)?;
-        chunk.begin();
-        let is_cut = (self.record.len() as u64) < length;
-        let head = Head::read(&self.record);
-        let Some(head) = head else {
-            return Err(broken(if is_cut {
-                "the file is cut off"
-            } else {
-                "the head of a chunk is damaged"
-            }));
+        chunk.begin(from);
+        if (self.record.len() as u64) < length {
+            chunk.broken = Some(Broken::at(from, "the file is cut off"));
+        }
+        let Some(head) = Head::read(&self.record) else {
+            chunk.lost = Some("the head of a chunk is damaged".to_owned());
+            return Ok(());
         };
         if head.unpacked > MOST_BYTES {
-            return Err(broken(&format!("a chunk of {} bytes is beyond {MOST_BYTES}", head.unpacked)));
+            chunk.lost = Some(format!("a chunk of {} bytes is beyond {MOST_BYTES}", head.unpacked));
+            return Ok(());
         }
         let read = match head.packing {
-            b"" => {
-                chunk.records.extend_from_slice(head.records);
-                Ok(())
-            }
+            b"" => Ok(()),
             packing => unpack(&String::from_utf8_lossy(packing), head.records, head.unpacked, &mut chunk.records),
         };
-        if is_cut {
-            chunk.broken = Some(broken("the file is cut off"));
-        } else if let Err(why) = read {
-            chunk.broken = Some(broken(&why));
-        } else if head.check != 0 && crc32fast::hash(&chunk.records) != head.check {
-            chunk.records.clear();
-            return Err(broken("a chunk does not have its check sum"));
+        let records = if head.packing.is_empty() { head.records } else { &chunk.records };
+        if let Err(why) = read {
+            chunk.lost = Some(why);
+        } else if chunk.broken.is_none() && head.check != 0 && crc32fast::hash(records) != head.check {
+            chunk.lose(from, "a chunk does not have its check sum");
+        } else if head.packing.is_empty() {
+            let place = head.from..head.from + head.records.len();
+            chunk.take(&mut self.record, place);
         }
         Ok(())
     }
@@ -145,8 +142,9 @@ struct Head<'a> {
     unpacked: u64,
     check: u32,
     packing: &'a [u8],
-    /// As many bytes as there are.
+    /// As many bytes as there are, and their place in the record.
     records: &'a [u8],
+    from: usize,
 }
 
 impl<'a> Head<'a> {
@@ -163,6 +161,7 @@ impl<'a> Head<'a> {
             check,
             packing,
             records,
+            from: record.len() - rest.len(),
         })
     }
 }

@@ -28,6 +28,7 @@ impl Cells {
         size_of::<Value>() * self.values.len() + self.text.len()
     }
 
+    #[inline]
     pub(crate) fn get(&self, column: usize) -> Cell<'_> {
         match self.values.get(column) {
             Some(Value::Number(number)) => Cell::Number(*number),
@@ -58,6 +59,12 @@ impl Cells {
     /// Adds a number.
     pub fn number(&mut self, number: f64) {
         self.values.push(Value::Number(number));
+    }
+
+    /// Adds numbers.
+    #[inline]
+    pub(crate) fn numbers(&mut self, numbers: impl ExactSizeIterator<Item = f64>) {
+        self.values.extend(numbers.map(Value::Number));
     }
 
     /// Adds a whole number, which stays exact.

@@ -70,8 +70,14 @@ pub trait MessageReader: Sized + Send + 'static {
         Vec::new()
     }
 
-    /// Adds the cells of the current message, one for each column of its topic. Cells that are missing at the end are
-    /// empty.
+    /// Selects the columns of a topic that are used. A format that can read them alone returns the columns whose cells
+    /// [`decode`](Self::decode) adds from now on: in order, and at least these. `None`: it adds all cells.
+    fn select(&mut self, _topic: usize, _columns: &[usize]) -> Option<Vec<usize>> {
+        None
+    }
+
+    /// Adds the cells of the current message, one for each column of its topic, or for each column that it selected.
+    /// Cells that are missing at the end are empty.
     ///
     /// # Errors
     /// The mistake of this message. The next one can be read.

@@ -1,7 +1,6 @@
 //! One pass over a log for all of its readers.
 
 use super::{Broken, Cells, MessageReader};
-use fusion::source::table::Topic;
 use std::collections::VecDeque;
 
 /// Messages that wait for their source have at most this number of bytes. If the sources of a run lie further apart in
@@ -38,8 +37,8 @@ pub(super) enum Next {
 pub(super) struct Pass<R> {
     reader: R,
     queues: Vec<Queue>,
-    /// The queues of each topic.
-    of_topics: Vec<Vec<usize>>,
+    /// The topics whose messages have arrived so far.
+    topics: Vec<Delivered>,
     waiting: usize,
     most: usize,
     /// Messages whose memory is used again.
@@ -48,9 +47,19 @@ pub(super) struct Pass<R> {
     has_ended: bool,
 }
 
+/// A topic, and where its messages go.
+#[derive(Default)]
+struct Delivered {
+    queues: Vec<usize>,
+    /// The columns with cells; `None`: all.
+    selected: Option<Vec<usize>>,
+}
+
 /// The messages that wait for one source.
 struct Queue {
     topic: String,
+    /// The columns that the source reads, in order; `None`: all.
+    columns: Option<Vec<usize>>,
     waiting: VecDeque<Message>,
     /// Messages of the topic so far.
     count: usize,
@@ -62,7 +71,7 @@ impl<R: MessageReader> Pass<R> {
         Self {
             reader,
             queues: Vec::new(),
-            of_topics: Vec::new(),
+            topics: Vec::new(),
             waiting: 0,
             most,
             spare: Vec::new(),
@@ -82,11 +91,23 @@ impl<R: MessageReader> Pass<R> {
         }
         self.queues.push(Queue {
             topic: topic.to_owned(),
+            columns: None,
             waiting: VecDeque::new(),
             count: 0,
             is_left_behind: false,
         });
         Some(self.queues.len() - 1)
+    }
+
+    /// The source of a queue reads these columns only. It says so before it reads.
+    pub(super) fn select(&mut self, queue: usize, columns: &[usize]) {
+        self.queues[queue].columns = Some(columns.to_owned());
+    }
+
+    /// The columns whose cells the messages of a queue have, in order; `None`: all. They are known with its first message.
+    pub(super) fn selected(&self, queue: usize) -> Option<&[usize]> {
+        let topic = self.topics.iter().find(|topic| topic.queues.contains(&queue));
+        topic?.selected.as_deref()
     }
 
     /// Puts the next message of a queue in place of `message`.
@@ -115,12 +136,11 @@ impl<R: MessageReader> Pass<R> {
     /// Puts the current message into the queues of its topic.
     pub(super) fn deliver(&mut self, topic: usize) {
         self.has_begun = true;
-        while self.of_topics.len() <= topic {
-            let Topic { name, .. } = &self.reader.topics()[self.of_topics.len()];
-            let queues = self.queues.iter().enumerate().filter(|(_, queue)| queue.topic == *name);
-            self.of_topics.push(queues.map(|(k, _)| k).collect());
+        while self.topics.len() <= topic {
+            let begun = self.begin(self.topics.len());
+            self.topics.push(begun);
         }
-        let Some((last, others)) = self.of_topics[topic].split_last() else {
+        let Some((last, others)) = self.topics[topic].queues.split_last() else {
             return;
         };
         let mut message = self.spare.pop().unwrap_or_default();
@@ -134,6 +154,17 @@ impl<R: MessageReader> Pass<R> {
         if self.waiting > self.most {
             self.leave_behind();
         }
+    }
+
+    /// Finds the queues of a topic, and selects the columns that their sources read.
+    fn begin(&mut self, topic: usize) -> Delivered {
+        let name = &self.reader.topics()[topic].name;
+        let of_topic = || self.queues.iter().enumerate().filter(|(_, queue)| queue.topic == *name);
+        let queues: Vec<usize> = of_topic().map(|(k, _)| k).collect();
+        let columns: Option<Vec<&[usize]>> = of_topic().map(|(_, queue)| queue.columns.as_deref()).collect();
+        let columns = columns.map(|all| all.concat()).filter(|_| !queues.is_empty());
+        let selected = columns.and_then(|columns| self.reader.select(topic, &columns));
+        Delivered { queues, selected }
     }
 
     /// Drops the messages of the longest queue. Its source has to read the file itself.

@@ -23,10 +23,17 @@ pub struct Read<R> {
     /// The topic and its list, if the elements of a list are the rows.
     list: Option<(String, String)>,
     columns: Vec<String>,
+    /// The columns that are read; `None`: all.
+    wanted: Option<Vec<usize>>,
     pub(super) pass: SharedPass<R>,
     pub(super) queue: usize,
+    /// The place of each column among the cells of a message, once there is one.
+    places: Vec<usize>,
     pub(super) message: Message,
 }
+
+/// The place of a column without cells.
+const NONE: usize = usize::MAX;
 
 impl<R> fmt::Debug for Read<R> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -65,8 +72,10 @@ pub fn open<R: MessageReader>(
         topic,
         list,
         columns,
+        wanted: None,
         pass,
         queue,
+        places: Vec::new(),
         message: Message::default(),
     })
 }
@@ -236,7 +245,11 @@ impl<R: MessageReader> Read<R> {
         let unreadable = |error: SourceError| DataError::new(self.file.name(), error.to_string());
         let done = self.message.number;
         (self.pass, self.queue) = alone(&self.file, &self.context, &self.topic, self.list.as_ref()).map_err(unreadable)?;
+        self.places.clear();
         let mut pass = self.pass.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(wanted) = &self.wanted {
+            pass.select(self.queue, wanted);
+        }
         for _ in 0..done {
             pass.next(self.queue, &mut self.message);
         }
@@ -244,23 +257,38 @@ impl<R: MessageReader> Read<R> {
     }
 }
 
+/// The place of each column among the cells of the selected columns, or of all.
+fn places(columns: usize, selected: Option<&[usize]>) -> Vec<usize> {
+    let Some(selected) = selected else { return (0..columns).collect() };
+    let place = |column| selected.binary_search(&column).unwrap_or(NONE);
+    (0..columns).map(place).collect()
+}
+
 impl<R: MessageReader> RawRows for Read<R> {
     fn columns(&self) -> &[String] {
         &self.columns
     }
 
+    fn select(&mut self, columns: &[usize]) {
+        self.pass.lock().unwrap_or_else(PoisonError::into_inner).select(self.queue, columns);
+        self.wanted = Some(columns.to_owned());
+    }
+
     fn advance(&mut self) -> Result<bool, DataError> {
         loop {
-            let next = self
-                .pass
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .next(self.queue, &mut self.message);
-            match next {
-                Next::Message => return Ok(true),
+            let mut pass = self.pass.lock().unwrap_or_else(PoisonError::into_inner);
+            match pass.next(self.queue, &mut self.message) {
+                Next::Message => {
+                    if self.places.is_empty() {
+                        self.places = places(self.columns.len(), pass.selected(self.queue));
+                    }
+                    return Ok(true);
+                }
                 Next::End => return Ok(false),
-                Next::LeftBehind => self.catch_up()?,
+                Next::LeftBehind => {}
             }
+            drop(pass);
+            self.catch_up()?;
         }
     }
 
@@ -272,8 +300,9 @@ impl<R: MessageReader> RawRows for Read<R> {
         "message"
     }
 
+    #[inline]
     fn cell(&self, column: usize) -> Cell<'_> {
-        self.message.cells.get(column)
+        self.message.cells.get(self.places.get(column).copied().unwrap_or(NONE))
     }
 
     fn malformed(&self) -> Option<Malformed> {

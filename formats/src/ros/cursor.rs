@@ -4,6 +4,7 @@
 //! of its size, or of four bytes in the second version of CDR. ROS 1 has little-endian numbers without gaps.
 
 use super::definition::Number;
+use crate::messages::Cells;
 
 /// The bytes that begin a message of CDR.
 const ENCAPSULATION: usize = 4;
@@ -24,8 +25,8 @@ pub(super) struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
     /// Numbers start at a multiple of their size, or of this.
-    widest: usize,
-    is_big_endian: bool,
+    pub(super) widest: usize,
+    pub(super) order: Order,
     pub(super) encoding: Encoding,
 }
 
@@ -33,10 +34,11 @@ impl<'a> Cursor<'a> {
     /// # Errors
     /// The kind of CDR is not one that messages of ROS 2 have.
     pub(super) fn new(bytes: &'a [u8], encoding: Encoding) -> Result<Self, String> {
-        let (bytes, widest, is_big_endian) = match (encoding, bytes) {
-            (Encoding::Ros1, bytes) => (bytes, 1, false),
+        let (bytes, widest, order) = match (encoding, bytes) {
+            (Encoding::Ros1, bytes) => (bytes, 1, Order::Little),
             (Encoding::Cdr, [0, kind @ (0 | 1 | 6 | 7), ..]) if bytes.len() >= ENCAPSULATION => {
-                (&bytes[ENCAPSULATION..], if *kind < 6 { 8 } else { 4 }, kind % 2 == 0)
+                let order = if kind % 2 == 0 { Order::Big } else { Order::Little };
+                (&bytes[ENCAPSULATION..], if *kind < 6 { 8 } else { 4 }, order)
             }
             (Encoding::Cdr, _) => return Err("this message is not plain CDR".to_owned()),
         };
@@ -44,7 +46,7 @@ impl<'a> Cursor<'a> {
             bytes,
             at: 0,
             widest,
-            is_big_endian,
+            order,
             encoding,
         })
     }
@@ -73,55 +75,16 @@ impl<'a> Cursor<'a> {
         self.at = ((self.at + last) & !last).min(self.bytes.len());
     }
 
-    fn take(&mut self, count: usize) -> Result<&'a [u8], Short> {
+    pub(super) fn take(&mut self, count: usize) -> Result<&'a [u8], Short> {
         let taken = self.bytes.get(self.at..).and_then(|left| left.get(..count)).ok_or(Short)?;
         self.at += count;
         Ok(taken)
     }
 
-    #[inline]
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], Short> {
-        self.align(N);
-        let mut bytes: [u8; N] = self.take(N)?.try_into().map_err(|_| Short)?;
-        if self.is_big_endian {
-            bytes.reverse();
-        }
-        Ok(bytes)
-    }
-
-    #[inline]
-    pub(super) fn number(&mut self, number: Number) -> Result<Value, Short> {
-        Ok(match number {
-            Number::U8 => Value::Integer(self.array::<1>()?[0].into()),
-            Number::I8 => Value::Integer(i8::from_le_bytes(self.array()?).into()),
-            Number::U16 => Value::Integer(u16::from_le_bytes(self.array()?).into()),
-            Number::I16 => Value::Integer(i16::from_le_bytes(self.array()?).into()),
-            Number::U32 => Value::Integer(self.u32()?.into()),
-            Number::I32 => Value::Integer(self.i32()?.into()),
-            Number::U64 => Value::Unsigned(u64::from_le_bytes(self.array()?)),
-            Number::I64 => Value::Integer(i64::from_le_bytes(self.array()?)),
-            Number::F32 => Value::Float(f32::from_le_bytes(self.array()?).into()),
-            Number::F64 => Value::Float(f64::from_le_bytes(self.array()?)),
-        })
-    }
-
-    pub(super) fn u32(&mut self) -> Result<u32, Short> {
-        self.array().map(u32::from_le_bytes)
-    }
-
-    fn i32(&mut self) -> Result<i32, Short> {
-        self.array().map(i32::from_le_bytes)
-    }
-
-    /// The next numbers of eight bytes with a fraction, if they are little-endian as usual: most cells of messages are
-    /// elements of covariances.
-    pub(super) fn floats(&mut self, count: usize) -> Result<Option<impl Iterator<Item = f64> + use<'a>>, Short> {
-        if self.is_big_endian || count == 0 {
-            return Ok(None);
-        }
-        self.align(8);
-        let (numbers, _) = self.take(count * 8)?.as_chunks();
-        Ok(Some(numbers.iter().map(|bytes| f64::from_le_bytes(*bytes))))
+    fn u32(&mut self) -> Result<u32, Short> {
+        self.align(4);
+        let bytes = self.take(4)?;
+        self.order.u32(bytes, 0)
     }
 
     /// The length of an array or text: at most one element for each byte that is left.
@@ -140,23 +103,80 @@ impl<'a> Cursor<'a> {
         })
     }
 
-    /// Seconds and nanoseconds as nanoseconds. The seconds of a time of ROS 1 have no sign, those of a duration do.
+    /// A time or a duration as nanoseconds.
     pub(super) fn nanoseconds(&mut self, is_duration: bool) -> Result<i64, Short> {
-        let seconds: i64 = match (self.encoding, is_duration) {
-            (Encoding::Ros1, false) => self.u32()?.into(),
-            _ => self.i32()?.into(),
-        };
-        let rest: i64 = match (self.encoding, is_duration) {
-            (Encoding::Ros1, true) => self.i32()?.into(),
-            _ => self.u32()?.into(),
-        };
-        Ok(seconds * 1_000_000_000 + rest)
+        self.align(4);
+        let bytes = self.take(8)?;
+        self.order.nanoseconds(bytes, 0, self.encoding, is_duration)
     }
 }
 
-/// A number of a message.
-pub(super) enum Value {
-    Integer(i64),
-    Unsigned(u64),
-    Float(f64),
+/// The order of the bytes of a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Order {
+    Little,
+    Big,
+}
+
+impl Order {
+    /// The bytes of a number at this place, the least significant one first.
+    #[inline]
+    fn array<const N: usize>(self, bytes: &[u8], at: usize) -> Result<[u8; N], Short> {
+        let mut bytes: [u8; N] = *bytes.get(at..).and_then(<[u8]>::first_chunk).ok_or(Short)?;
+        if self == Self::Big {
+            bytes.reverse();
+        }
+        Ok(bytes)
+    }
+
+    #[inline]
+    fn u32(self, bytes: &[u8], at: usize) -> Result<u32, Short> {
+        self.array(bytes, at).map(u32::from_le_bytes)
+    }
+
+    /// Adds the number at this place to the cells.
+    #[inline]
+    pub(super) fn number(self, number: Number, bytes: &[u8], at: usize, cells: &mut Cells) -> Result<(), Short> {
+        match number {
+            Number::F64 => cells.number(f64::from_le_bytes(self.array(bytes, at)?)),
+            Number::F32 => cells.number(f32::from_le_bytes(self.array(bytes, at)?).into()),
+            Number::U8 => cells.integer(self.array::<1>(bytes, at)?[0].into()),
+            Number::I8 => cells.integer(i8::from_le_bytes(self.array(bytes, at)?).into()),
+            Number::U16 => cells.integer(u16::from_le_bytes(self.array(bytes, at)?).into()),
+            Number::I16 => cells.integer(i16::from_le_bytes(self.array(bytes, at)?).into()),
+            Number::U32 => cells.integer(self.u32(bytes, at)?.into()),
+            Number::I32 => cells.integer(i32::from_le_bytes(self.array(bytes, at)?).into()),
+            Number::U64 => cells.unsigned(u64::from_le_bytes(self.array(bytes, at)?)),
+            Number::I64 => cells.integer(i64::from_le_bytes(self.array(bytes, at)?)),
+        }
+        Ok(())
+    }
+
+    /// Adds numbers of eight bytes with a fraction, which begin at this place.
+    #[inline]
+    pub(super) fn floats(self, count: usize, bytes: &[u8], at: usize, cells: &mut Cells) -> Result<(), Short> {
+        let bytes = bytes.get(at..).and_then(|bytes| bytes.get(..8 * count)).ok_or(Short)?;
+        let numbers = bytes.as_chunks::<8>().0.iter();
+        match self {
+            Self::Little => cells.numbers(numbers.map(|bytes| f64::from_le_bytes(*bytes))),
+            Self::Big => cells.numbers(numbers.map(|bytes| f64::from_be_bytes(*bytes))),
+        }
+        Ok(())
+    }
+
+    /// Seconds and nanoseconds at this place as nanoseconds. The seconds of a time of ROS 1 have no sign, those of a
+    /// duration do.
+    pub(super) fn nanoseconds(self, bytes: &[u8], at: usize, encoding: Encoding, is_duration: bool) -> Result<i64, Short> {
+        let (seconds, rest) = (self.u32(bytes, at)?, self.u32(bytes, at + 4)?);
+        let signed = |number: u32| i64::from(number.cast_signed());
+        let seconds = match (encoding, is_duration) {
+            (Encoding::Ros1, false) => seconds.into(),
+            _ => signed(seconds),
+        };
+        let rest = match (encoding, is_duration) {
+            (Encoding::Ros1, true) => signed(rest),
+            _ => rest.into(),
+        };
+        Ok(seconds * 1_000_000_000 + rest)
+    }
 }

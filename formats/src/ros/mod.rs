@@ -1,8 +1,8 @@
 //! Messages of ROS 1 and ROS 2: their definitions as text, and their two encodings.
 //!
 //! ```text
-//! text ── Definitions ──┐
-//!                       ├──▶ Plan ── walks over each message ──▶ cells
+//! text ── Definitions ──┐              ┌── selected columns
+//!                       ├──▶ Plan ──▶ Program ── reads each message ──▶ cells
 //! first message ────────┘
 //! ```
 
@@ -11,6 +11,7 @@ mod definition;
 #[cfg(feature = "mcap")]
 pub mod messages;
 mod plan;
+mod program;
 mod schema;
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,8 @@
 //! How the cells of a message are read: learnt once from the definition and the first message.
 
-use super::cursor::{Cursor, Encoding, Short, Value};
+use super::cursor::{Cursor, Encoding, Short};
 use super::definition::{Array, Definitions, Field, Kind, Number};
+use super::program::Program;
 use crate::messages::{Cells, LONGEST_ARRAY};
 use crate::stamped::STAMPS;
 use core::ops::Range;
@@ -15,7 +16,7 @@ const HEADER: &str = "std_msgs/Header";
 
 /// Reads one value, or an array, of a message.
 #[derive(Clone, Debug)]
-enum Step {
+pub(super) enum Step {
     Number(Number),
     Time {
         is_duration: bool,
@@ -28,18 +29,12 @@ enum Step {
         count: Array,
         shown: usize,
     },
+    /// The steps of the elements with cells, and of any other element.
     Elements {
         count: Array,
-        shown: Vec<Part>,
+        shown: Vec<Vec<Step>>,
         further: Vec<Step>,
     },
-}
-
-/// An element with cells.
-#[derive(Clone, Debug)]
-struct Part {
-    steps: Vec<Step>,
-    cells: usize,
 }
 
 /// How a message, or an element of its list, becomes cells.
@@ -50,6 +45,10 @@ pub(crate) struct Plan {
     columns: Vec<String>,
     /// The column of the stamp in the header.
     stamp: Option<usize>,
+    /// The columns with cells, in order.
+    selected: Vec<usize>,
+    /// Reads these columns.
+    program: Program,
 }
 
 impl Plan {
@@ -76,31 +75,56 @@ impl Plan {
         let columns = learner.columns;
         Ok(Self {
             encoding,
-            steps,
             stamp: header.and_then(|header| columns.iter().position(|column| *column == header)),
+            program: Program::new(&steps, cursor.widest, || true),
+            selected: (0..columns.len()).collect(),
             columns,
+            steps,
         })
+    }
+
+    /// Selects the columns with cells: these, the stamps, and the stamp of the header. Returns them in order.
+    pub(crate) fn select(&mut self, columns: &[usize]) -> &[usize] {
+        let is_selected = |column: &usize| *column < STAMPS.len() || self.stamp == Some(*column) || columns.contains(column);
+        self.selected = (0..self.columns.len()).filter(is_selected).collect();
+        self.compile(self.program.widest);
+        &self.selected
+    }
+
+    /// Makes the program for the selected columns.
+    fn compile(&mut self, widest: usize) {
+        let mut fields = STAMPS.len()..;
+        let is_selected = || fields.next().is_some_and(|column| self.selected.binary_search(&column).is_ok());
+        self.program = Program::new(&self.steps, widest, is_selected);
     }
 
     pub(crate) fn columns(&self) -> &[String] {
         &self.columns
     }
 
-    /// Adds the cells of a message, or of the element at this place of a message. `usual` is its stamp if it has no
-    /// header.
+    /// Adds the selected cells of a message, or of the element at this place of a message. `usual` is its stamp if it
+    /// has no header.
     ///
     /// # Errors
     /// The message is too short.
-    pub(crate) fn decode(&self, message: &[u8], place: usize, usual: i64, log_time: i64, cells: &mut Cells) -> Result<(), String> {
+    pub(crate) fn decode(&mut self, message: &[u8], place: usize, usual: i64, log_time: i64, cells: &mut Cells) -> Result<(), String> {
         let mut cursor = Cursor::new(message, self.encoding)?;
         cursor.go_to(place);
+        if cursor.widest != self.program.widest {
+            self.compile(cursor.widest);
+        }
         cells.integer(usual);
         cells.integer(log_time);
-        show(&self.steps, &mut cursor, cells).map_err(|Short| too_short(message))?;
-        if let Some(stamp) = self.stamp {
+        self.program.run(&mut cursor, cells).map_err(|Short| too_short(message))?;
+        if let Some(stamp) = self.stamp_cell() {
             cells.copy(stamp, 0);
         }
         Ok(())
+    }
+
+    /// The place of the stamp of the header among the cells.
+    fn stamp_cell(&self) -> Option<usize> {
+        self.selected.binary_search(&self.stamp?).ok()
     }
 }
 
@@ -276,10 +300,9 @@ impl Learner<'_> {
         self.value(&field.kind, "", None, depth, &mut further)?;
         if let Some(cursor) = cursor {
             for k in 0..shown {
-                let (mut steps, before) = (Vec::new(), self.columns.len());
+                let mut steps = Vec::new();
                 self.value(&field.kind, &format!("{name}[{k}]"), Some(&mut *cursor), depth, &mut steps)?;
-                let cells = self.columns.len() - before;
-                parts.push(Part { steps, cells });
+                parts.push(steps);
             }
             for _ in shown..length {
                 skip(&further, cursor).map_err(short)?;
@@ -331,7 +354,7 @@ impl Learner<'_> {
 }
 
 /// The number of elements of an array: at most one for each byte that is left.
-fn count(array: Array, cursor: &mut Cursor<'_>) -> Result<usize, Short> {
+pub(super) fn count(array: Array, cursor: &mut Cursor<'_>) -> Result<usize, Short> {
     match array {
         Array::One => Ok(1),
         Array::Fixed(count) if count > cursor.left() => Err(Short),
@@ -346,60 +369,6 @@ fn skip_numbers(of: Number, length: usize, cursor: &mut Cursor<'_>) -> Result<()
     }
     cursor.align(of.size());
     cursor.skip(length * of.size())
-}
-
-/// Adds the cells of these steps.
-fn show(steps: &[Step], cursor: &mut Cursor<'_>, cells: &mut Cells) -> Result<(), Short> {
-    for step in steps {
-        match step {
-            Step::Number(number) => show_number(*number, cursor, cells)?,
-            Step::Time { is_duration } => cells.integer(cursor.nanoseconds(*is_duration)?),
-            Step::Text => cells.text(cursor.text()?),
-            Step::Filler => cursor.skip(1)?,
-            Step::Numbers { of, count: array, shown } => {
-                let length = count(*array, cursor)?;
-                let read = length.min(*shown);
-                let floats = if *of == Number::F64 { cursor.floats(read)? } else { None };
-                if let Some(floats) = floats {
-                    floats.for_each(|number| cells.number(number));
-                } else {
-                    for _ in 0..read {
-                        show_number(*of, cursor, cells)?;
-                    }
-                }
-                cells.blanks(shown - read);
-                skip_numbers(*of, length - read, cursor)?;
-            }
-            Step::Elements {
-                count: array,
-                shown,
-                further,
-            } => {
-                let length = count(*array, cursor)?;
-                for (k, part) in shown.iter().enumerate() {
-                    if k < length {
-                        show(&part.steps, cursor, cells)?;
-                    } else {
-                        cells.blanks(part.cells);
-                    }
-                }
-                for _ in shown.len()..length {
-                    skip(further, cursor)?;
-                }
-            }
-        }
-    }
-    Ok(())
-}
-
-#[inline]
-fn show_number(number: Number, cursor: &mut Cursor<'_>, cells: &mut Cells) -> Result<(), Short> {
-    match cursor.number(number)? {
-        Value::Integer(number) => cells.integer(number),
-        Value::Unsigned(number) => cells.unsigned(number),
-        Value::Float(number) => cells.number(number),
-    }
-    Ok(())
 }
 
 /// Goes past the values of these steps.

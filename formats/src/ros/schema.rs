@@ -47,8 +47,12 @@ impl Decoder for Plan {
         self.columns()
     }
 
+    fn select(&mut self, columns: &[usize]) -> Option<Vec<usize>> {
+        Some(self.select(columns).to_vec())
+    }
+
     fn decode(&mut self, message: &[u8], place: Range<usize>, usual: i64, log_time: i64, cells: &mut Cells) -> Result<(), String> {
-        (*self).decode(message, place.start, usual, log_time, cells)
+        self.decode(message, place.start, usual, log_time, cells)
     }
 }
 

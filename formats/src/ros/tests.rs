@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::messages::Cells;
+use rand::{RngExt, SeedableRng};
 
 pub(crate) const DEFINITION: &str = "\
 std_msgs/Header header
@@ -67,14 +68,14 @@ fn definitions(encoding: Encoding) -> Definitions {
     Definitions::parse("test/msg/All", &text).unwrap()
 }
 
-fn shown(plan: &Plan, message: &[u8]) -> Vec<String> {
+fn shown(plan: &mut Plan, message: &[u8]) -> Vec<String> {
     let mut cells = Cells::default();
     plan.decode(message, 0, 5, 5, &mut cells).unwrap();
     (0..cells.len()).map(|k| cells.get(k).shown().into_owned()).collect()
 }
 
 /// `name value` of each cell.
-fn named(plan: &Plan, message: &[u8]) -> Vec<String> {
+fn named(plan: &mut Plan, message: &[u8]) -> Vec<String> {
     let cells = shown(plan, message);
     assert_eq!(cells.len(), plan.columns().len());
     plan.columns()
@@ -133,11 +134,11 @@ const SECOND: [&str; 7] = [
 fn both_encodings_give_the_values_of_rosbags() {
     for (encoding, messages) in [(Encoding::Ros1, ROS1), (Encoding::Cdr, CDR)] {
         let [first, second] = messages.map(bytes);
-        let plan = Plan::learn(&definitions(encoding), "test/All", encoding, &first, 0).unwrap();
+        let mut plan = Plan::learn(&definitions(encoding), "test/All", encoding, &first, 0).unwrap();
         let is_ros1 = |name: &String| name.starts_with("header.seq");
-        let named_first: Vec<String> = named(&plan, &first).into_iter().filter(|name| !is_ros1(name)).collect();
+        let named_first: Vec<String> = named(&mut plan, &first).into_iter().filter(|name| !is_ros1(name)).collect();
         assert_eq!(named_first, FIRST);
-        let named_second: Vec<String> = named(&plan, &second).into_iter().filter(|name| !is_ros1(name)).collect();
+        let named_second: Vec<String> = named(&mut plan, &second).into_iter().filter(|name| !is_ros1(name)).collect();
         let changed: Vec<&String> = named_second.iter().filter(|cell| !FIRST.contains(&cell.as_str())).collect();
         let (gone, changed): (Vec<&String>, Vec<&String>) = changed.into_iter().partition(|cell| cell.starts_with("points[1]"));
         assert_eq!(changed, SECOND);
@@ -151,8 +152,8 @@ fn both_orders_of_bytes_give_the_same_values() {
     let definitions = definitions(Encoding::Cdr);
     let [little, big] = [CDR[1], BIG_ENDIAN].map(|hex| {
         let message = bytes(hex);
-        let plan = Plan::learn(&definitions, "test/All", Encoding::Cdr, &message, 0).unwrap();
-        named(&plan, &message)
+        let mut plan = Plan::learn(&definitions, "test/All", Encoding::Cdr, &message, 0).unwrap();
+        named(&mut plan, &message)
     });
     assert_eq!(little, big);
     assert!(little.contains(&"wide[0] 5".to_owned()));
@@ -162,12 +163,51 @@ fn both_orders_of_bytes_give_the_same_values() {
 fn a_message_that_is_cut_off_is_an_error_and_no_panic() {
     for (encoding, [first, _]) in [(Encoding::Ros1, ROS1), (Encoding::Cdr, CDR)] {
         let (message, definitions) = (bytes(first), definitions(encoding));
-        let plan = Plan::learn(&definitions, "test/All", encoding, &message, 0).unwrap();
+        let mut plan = Plan::learn(&definitions, "test/All", encoding, &message, 0).unwrap();
         for length in 0..message.len() {
             let cut = &message[..length];
             plan.decode(cut, 0, 0, 0, &mut Cells::default()).unwrap_err();
             Plan::learn(&definitions, "test/All", encoding, cut, 0).unwrap_err();
         }
+    }
+}
+
+#[test]
+fn selected_columns_have_the_cells_that_they_have_among_all() {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+    for (encoding, messages) in [(Encoding::Ros1, ROS1), (Encoding::Cdr, CDR), (Encoding::Cdr, [CDR[0], BIG_ENDIAN])] {
+        let messages = messages.map(bytes);
+        let mut whole = Plan::learn(&definitions(encoding), "test/All", encoding, &messages[0], 0).unwrap();
+        let all = [0, 1].map(|k| shown(&mut whole, &messages[k]));
+        for _ in 0..100 {
+            let share = random.random::<f64>();
+            let wanted: Vec<usize> = (0..all[0].len()).filter(|_| random.random::<f64>() < share).collect();
+            let mut plan = whole.clone();
+            let selected = plan.select(&wanted).to_vec();
+            // Both stamps, and the stamp of the header that the first one repeats, come with any selection.
+            assert!(selected.is_sorted() && wanted.iter().all(|column| selected.contains(column)));
+            assert!(selected.len() <= wanted.len() + 3, "{selected:?} for {wanted:?}");
+            for (message, all) in messages.iter().zip(&all) {
+                let expected: Vec<&String> = selected.iter().map(|column| &all[*column]).collect();
+                assert_eq!(shown(&mut plan, message).iter().collect::<Vec<_>>(), expected, "{wanted:?}");
+            }
+            // Also a message that is cut off after the selected cells is an error.
+            let cut = random.random_range(0..messages[0].len());
+            plan.decode(&messages[0][..cut], 0, 0, 0, &mut Cells::default()).unwrap_err();
+        }
+    }
+}
+
+#[test]
+fn a_message_may_have_another_alignment_than_the_first_one() {
+    let definitions = Definitions::parse("a/T", "uint32 a\nfloat64 b\n").unwrap();
+    let [a, b] = [&7_u32.to_le_bytes()[..], &1.5_f64.to_le_bytes()];
+    let first = [&[0, 1, 0, 0], a, &[0; 4], b].concat();
+    let mut plan = Plan::learn(&definitions, "a/T", Encoding::Cdr, &first, 0).unwrap();
+    // The second version of CDR aligns to four bytes at most.
+    let second = [&[0, 7, 0, 0], a, b].concat();
+    for message in [&first, &second, &first] {
+        assert_eq!(shown(&mut plan, message), ["5", "5", "7", "1.5"]);
     }
 }
 
@@ -185,7 +225,7 @@ fn the_elements_of_a_list_are_messages() {
             assert_eq!(elements.places(&message, &mut places).unwrap(), Some(stamp));
             assert_eq!(places.len(), points.len());
             for (place, point) in places.iter().zip(points) {
-                let plan = Plan::learn(&definitions, &elements.name, encoding, &message, place.start).unwrap();
+                let mut plan = Plan::learn(&definitions, &elements.name, encoding, &message, place.start).unwrap();
                 assert_eq!(plan.columns(), ["stamp", "log_time", "x", "kind"]);
                 let mut cells = Cells::default();
                 plan.decode(&message, place.start, stamp, 5, &mut cells).unwrap();

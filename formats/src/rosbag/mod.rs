@@ -10,6 +10,7 @@ mod records;
 mod tests;
 
 use crate::bytes::Bytes;
+use crate::damage::Damage;
 use crate::messages::{Broken, Cells, MessageReader, message_format};
 use crate::ros::{self, Definitions, Encoding, short_name};
 use crate::signature::ROSBAG;
@@ -44,6 +45,7 @@ struct BagReader {
     known: HashMap<(String, String, String), usize>,
     streams: Streams,
     message: Vec<u8>,
+    damage: Damage,
 }
 
 impl BagReader {
@@ -73,6 +75,7 @@ impl MessageReader for BagReader {
             known: HashMap::new(),
             streams: Streams::default(),
             message: Vec::new(),
+            damage: Damage::default(),
         })
     }
 
@@ -85,10 +88,10 @@ impl MessageReader for BagReader {
             return Ok(Some(element));
         }
         loop {
-            match self.records.next(&mut self.message)? {
+            match self.records.next(&mut self.message, &mut self.damage)? {
                 Some(Entry::Message { connection, log_time }) => {
-                    // A message of a connection that the bag does not declare.
                     let Some(channel) = self.connections.get(&connection) else {
+                        self.damage.undeclared(|| format!("connection {connection}"));
                         continue;
                     };
                     let topic = self.streams.receive(*channel, &self.message, log_time);
@@ -100,7 +103,7 @@ impl MessageReader for BagReader {
                     message_type,
                     definition,
                 }) => self.connect(number, topic, &message_type, definition),
-                None => return Ok(None),
+                None => return self.damage.reported(),
             }
         }
     }
@@ -111,6 +114,10 @@ impl MessageReader for BagReader {
 
     fn columns(&self, topic: usize) -> &[String] {
         self.streams.columns(topic)
+    }
+
+    fn select(&mut self, topic: usize, columns: &[usize]) -> Option<Vec<usize>> {
+        self.streams.select(topic, columns)
     }
 
     fn decode(&mut self, cells: &mut Cells) -> Result<(), String> {

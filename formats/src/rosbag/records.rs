@@ -59,7 +59,7 @@ impl Layout for Bag {
         let header = take_counted(&mut bytes).ok_or("it is cut off")?;
         let data = take_counted(&mut bytes).ok_or("it is cut off")?;
         let fields = Fields::read(header).ok_or("its header is damaged")?;
-        Ok((entry(&fields, data, message), rest.len() - bytes.len()))
+        Ok((entry(&fields, data, message)?, rest.len() - bytes.len()))
     }
 
     fn top(&mut self, bytes: &mut Bytes, chunk: &mut Chunk, message: &mut Vec<u8>) -> Result<Option<Entry>, Broken> {
@@ -75,40 +75,45 @@ impl Layout for Bag {
         }
         bytes.read(length.into(), &mut self.header)?;
         let length = bytes.array()?.map(u32::from_le_bytes).ok_or_else(cut)?;
-        let fields = Fields::read(&self.header).ok_or_else(|| Broken::at(from, "the header of a record is damaged"))?;
+        let skipped = |bytes: &mut Bytes| if bytes.skip(length.into())? { Ok(None) } else { Err(cut()) };
+        let Some(fields) = Fields::read(&self.header) else {
+            chunk.lose(from, "the header of a record is damaged");
+            return skipped(bytes);
+        };
         match fields.kind {
             BAG => self.index = fields.index,
             CHUNK | CONNECTION | MESSAGE => {}
-            _ => return if bytes.skip(length.into())? { Ok(None) } else { Err(cut()) },
+            _ => return skipped(bytes),
         }
         bytes.read(length.into(), &mut self.data)?;
         let is_cut = self.data.len() < length as usize;
-        match fields.kind {
-            CHUNK => {
-                chunk.begin();
-                let read = match fields.packing {
-                    b"none" => {
-                        core::mem::swap(&mut chunk.records, &mut self.data);
-                        Ok(())
-                    }
-                    _ if u64::from(fields.size) > MOST_BYTES => Err(format!("a chunk of {} bytes is beyond {MOST_BYTES}", fields.size)),
-                    packing => unpack(
-                        &String::from_utf8_lossy(packing),
-                        &self.data,
-                        fields.size.into(),
-                        &mut chunk.records,
-                    ),
-                };
-                chunk.broken = if is_cut {
-                    Some(cut())
-                } else {
-                    read.err().map(|why| Broken::at(from, why))
-                };
-                Ok(None)
+        if fields.kind != CHUNK {
+            if is_cut {
+                return Err(cut());
             }
-            _ if is_cut => Err(cut()),
-            _ => Ok(entry(&fields, &self.data, message)),
+            let entry = entry(&fields, &self.data, message);
+            return entry.or_else(|why| {
+                chunk.lose(from, why);
+                Ok(None)
+            });
         }
+        chunk.begin(from);
+        let read = match fields.packing {
+            b"none" => {
+                core::mem::swap(&mut chunk.records, &mut self.data);
+                Ok(())
+            }
+            _ if u64::from(fields.size) > MOST_BYTES => Err(format!("a chunk of {} bytes is beyond {MOST_BYTES}", fields.size)),
+            packing => unpack(
+                &String::from_utf8_lossy(packing),
+                &self.data,
+                fields.size.into(),
+                &mut chunk.records,
+            ),
+        };
+        chunk.broken = is_cut.then(cut);
+        chunk.lost = read.err();
+        Ok(None)
     }
 }
 
@@ -155,10 +160,13 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// A connection or message.
-fn entry(fields: &Fields<'_>, data: &[u8], message: &mut Vec<u8>) -> Option<Entry> {
+/// A connection or message, if it is one.
+///
+/// # Errors
+/// It is damaged.
+fn entry(fields: &Fields<'_>, data: &[u8], message: &mut Vec<u8>) -> Result<Option<Entry>, &'static str> {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    match fields.kind {
+    Ok(match fields.kind {
         MESSAGE => {
             message.clear();
             message.extend_from_slice(data);
@@ -168,7 +176,7 @@ fn entry(fields: &Fields<'_>, data: &[u8], message: &mut Vec<u8>) -> Option<Entr
             })
         }
         CONNECTION => {
-            let about = Fields::read(data)?;
+            let about = Fields::read(data).ok_or("a connection is damaged")?;
             Some(Entry::Connection {
                 number: fields.connection,
                 topic: text(fields.topic),
@@ -177,5 +185,5 @@ fn entry(fields: &Fields<'_>, data: &[u8], message: &mut Vec<u8>) -> Option<Entr
             })
         }
         _ => None,
-    }
+    })
 }

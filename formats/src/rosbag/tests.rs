@@ -110,3 +110,35 @@ fn all_messages_before_a_cut_are_read() {
         assert_eq!(broken.unwrap().message, "the file is cut off");
     }
 }
+
+#[test]
+fn a_damaged_chunk_is_passed_over_and_counted() {
+    for packing in ["lz4", "bz2"] {
+        let mut bytes = bag(packing);
+        let expected = whole::<BagReader>(".bag", &bytes);
+        // The last bytes of the seventh of 25 chunks, which begin with the length of their header.
+        let heads: Vec<usize> = (0..bytes.len()).filter(|at| bytes[*at..].starts_with(b"compression=")).collect();
+        assert_eq!(heads.len(), 25);
+        let damaged = heads[7] - 40..heads[7] - 30;
+        bytes[damaged].fill(0xa5);
+        let file = File::new(".bag", &bytes);
+        let (messages, broken) = all(&mut opened::<BagReader>(&file.0, &[]).unwrap());
+        // The records before the damage are used. Those after the chunk are all there.
+        assert!((96..100).contains(&messages.len()), "{packing}: {}", messages.len());
+        assert_eq!(messages[..24], expected[..24], "{packing}");
+        assert_eq!(messages[messages.len() - 72..], expected[28..], "{packing}");
+        let broken = broken.unwrap().message;
+        assert!(broken.starts_with("a place is damaged, after byte"), "{broken}");
+    }
+}
+
+#[test]
+fn messages_of_connections_that_are_not_declared_are_counted() {
+    let records = [connection(0, "/a"), message(0, 1), message(5, 2), message(0, 3)].concat();
+    let bytes = [&b"#ROSBAG V2.0\n"[..], &chunk("none", &records)].concat();
+    let file = File::new(".bag", &bytes);
+    let (messages, broken) = all(&mut opened::<BagReader>(&file.0, &[]).unwrap());
+    assert_eq!(messages.len(), 2);
+    let expected = "1 message belongs to no channel that the file declares, the first to connection 5";
+    assert_eq!(broken.unwrap().message, expected);
+}

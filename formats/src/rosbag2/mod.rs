@@ -118,6 +118,10 @@ impl MessageReader for Rosbag2Reader {
         self.streams.columns(topic)
     }
 
+    fn select(&mut self, topic: usize, columns: &[usize]) -> Option<Vec<usize>> {
+        self.streams.select(topic, columns)
+    }
+
     fn decode(&mut self, cells: &mut Cells) -> Result<(), String> {
         self.streams.decode(self.database.message(), cells)
     }

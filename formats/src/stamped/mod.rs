@@ -36,6 +36,11 @@ pub(crate) trait Decoder: Send {
     /// The names of the cells: [`STAMPS`], then the fields.
     fn columns(&self) -> &[String];
 
+    /// As [`MessageReader::select`](crate::messages::MessageReader::select).
+    fn select(&mut self, _columns: &[usize]) -> Option<Vec<usize>> {
+        None
+    }
+
     /// Adds the cells of a message, or of the element at this place of it. `usual` is its stamp if it has no header.
     ///
     /// # Errors
@@ -137,6 +142,10 @@ impl Streams {
 
     pub(crate) fn columns(&self, topic: usize) -> &[String] {
         self.decoders[topic].columns()
+    }
+
+    pub(crate) fn select(&mut self, topic: usize, columns: &[usize]) -> Option<Vec<usize>> {
+        self.decoders[topic].select(columns)
     }
 
     /// Makes the elements of a list of a topic messages of a topic, and returns its name.

@@ -92,7 +92,7 @@ fn reading_resumes_after_a_synchronisation() {
     let said = all.broken.unwrap().to_string();
     let skipped = damaged.len() + 3 + SYNC.len();
     assert!(
-        said.starts_with("1 places are damaged") && said.contains(&format!("{skipped} bytes were skipped")),
+        said.starts_with("a place is damaged") && said.contains(&format!("{skipped} bytes were skipped")),
         "{said}"
     );
     // Without a synchronisation the log ends.

@@ -7,6 +7,7 @@
 //! | `kml` | Google Earth (KML 2.2 with `gx:Track`) | the path over time, 3σ and speed as graphs, ellipses of 3σ |
 //! | `mcap` | Foxglove, readers of bags of ROS 2 | Odometry, NavSatFix, TF, diagnostics |
 //! | `parquet` | pandas, polars | the columns and digits of estimates.csv |
+//! | `sbet` | programs of lidar and sonar | time of the GPS week, position, velocity, attitude |
 //! | `tum` | evo, TUM's tools | stamp, position east, north, up and attitude quaternion |
 //!
 //! An ellipse is written where it does not overlap with the one before it.
@@ -19,6 +20,7 @@ mod kml;
 mod mcap;
 #[cfg(feature = "parquet")]
 mod parquet;
+mod sbet;
 #[cfg(test)]
 mod tests;
 mod tum;

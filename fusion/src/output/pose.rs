@@ -84,13 +84,15 @@ mod tests {
             with_attitude: [Matrix3::zeros(); 2],
         };
         let origin = Origin::default();
-        Pose::of(
+        // The first place is the origin.
+        let first = Pose::of(
             &Solution {
                 position: Some((place(0.0), Matrix3::identity())),
                 ..about(0.0, 0.0)
             },
             &origin,
         );
+        assert_eq!(first.map(|pose| pose.p), Some(Vector3::zeros()));
         // Forward to the east is the axis x of the world, forward to the north is y, nose up is z.
         for ((yaw, pitch), forward) in [((90.0, 0.0), Vector3::x()), ((0.0, 0.0), Vector3::y()), ((0.0, 90.0), Vector3::z())] {
             let pose = Pose::of(&about(yaw, pitch), &origin).unwrap();

@@ -27,6 +27,6 @@ pub use fusion_core::runner::Row;
 pub use fusion_models::fault::ProvidedChannel;
 pub use kept::KeptRows;
 pub use merge::{Failed, Merged};
-pub(crate) use report::RowCounts;
+pub(crate) use report::{DAMAGED, RowCounts};
 pub use report::{Example, Skipped, SourceReport};
 pub use stream::{RowStream, Stamp, provided, width};

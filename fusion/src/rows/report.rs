@@ -6,6 +6,9 @@ use fusion_core::time::Time;
 /// Examples kept per reason.
 const EXAMPLES: usize = 3;
 
+/// The reason of a row that stands for the damage of its file. Its example is the damage in words.
+pub(crate) const DAMAGED: &str = "the file is damaged";
+
 /// A row that was left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Example {
@@ -89,6 +92,13 @@ impl SourceReport {
         self.first = self.first.or(later.first);
         self.last = later.last.or(self.last);
         self.unread = later.unread;
+    }
+
+    /// The damage of its file, in words.
+    #[must_use]
+    pub fn damage(&self) -> Option<&str> {
+        let damage = self.skipped.iter().find(|skipped| skipped.reason == DAMAGED)?;
+        damage.examples.first().map(|example| example.what.as_str())
     }
 
     /// Rows left out.

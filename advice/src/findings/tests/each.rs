@@ -140,7 +140,32 @@ impl Case {
 /// A rule, and what makes a sound run one that it finds.
 type Fires = (&'static str, fn(&mut Case));
 
+/// A source that read this row, which it left out.
+fn left_out(name: &str, reason: &str, what: &str) -> SourceStatistics {
+    let example = fusion::rows::Example {
+        number: 7,
+        counted: "message",
+        what: what.to_owned(),
+    };
+    let skipped = fusion::rows::Skipped {
+        reason: reason.to_owned(),
+        count: 1,
+        examples: vec![example],
+    };
+    let report = fusion::rows::SourceReport {
+        skipped: vec![skipped],
+        ..Default::default()
+    };
+    SourceStatistics::new(name, &report)
+}
+
 const OF_THE_INPUT: &[Fires] = &[
+    ("log-damaged", |c| {
+        c.summary.put(vec![
+            left_out("imu", "bad rows", "column `x` is empty"),
+            left_out("receiver", "the file is damaged", "after byte 8000: the file is cut off"),
+        ]);
+    }),
     ("never-started", |c| c.has_started = false),
     ("late-start", |c| {
         c.start.waited = Some(Wait {
@@ -366,4 +391,24 @@ fn a_sound_run_fires_no_rule_and_one_fact_fires_one() {
             0
         );
     }
+}
+
+#[test]
+fn a_damaged_log_is_named_once_with_its_sources_also_if_the_filter_never_started() {
+    let mut case = Case::sound();
+    case.has_started = false;
+    let sources = [("imu", "cut"), ("receiver", "cut"), ("other", "torn")];
+    let sources = sources.map(|(name, what)| left_out(name, "the file is damaged", what));
+    case.summary.put(sources.to_vec());
+    let summary = case.summary.clone();
+    let facts = judged(&case.instruments, &summary);
+    let found: Vec<String> = facts.damaged_logs().into_iter().map(|f| f.evidence).collect();
+    assert_eq!(
+        found,
+        [
+            "the log of `imu`, `receiver` is damaged: cut",
+            "the log of `other` is damaged: torn"
+        ]
+    );
+    assert_eq!(case.rules(&Ignored::default()), ["log-damaged", "never-started"]);
 }

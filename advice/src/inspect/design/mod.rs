@@ -273,6 +273,9 @@ impl Inspection {
             draft.set("sigma.velocity", millimetres(track.velocity_scatter.max(1e-3)) + " m/s");
             of_velocity = "; of velocities the scatter of neighbouring ones";
         }
+        if self.reference_kinds(k).contains(&Kind::AttitudeSigma) {
+            draft.set("sigma.attitude.from_source", true);
+        }
         draft.reason("sigma", &format!("{why}{of_velocity}"));
         if self.reference_kinds(k).iter().any(|s| matches!(s, Kind::Quaternion | Euler)) {
             draft.set("remove_mean_mounting", true);

@@ -30,16 +30,18 @@ impl Inspection {
             draft.set("horizontal", true);
         }
         self.position_sensors(draft, false, None);
-        if self.with(Speed).is_some() {
+        let kinds = if self.with(Speed).is_some() {
             draft.part("odometer in the plane");
+            self.with_reported(draft, odometer, Speed)
         } else {
             self.tracks(draft);
-        }
+            Vec::new()
+        };
         self.turning(draft);
         draft.part("data");
         self.position_source(draft);
-        if self.with(Speed).is_some() {
-            self.source(draft, "odometry", odometer, &[Speed], None);
+        if !kinds.is_empty() {
+            self.source(draft, "odometry", odometer, &kinds, None);
         }
     }
 
@@ -48,7 +50,8 @@ impl Inspection {
         let Some((k, imu)) = &self.imu else {
             let Some(k) = self.with(YawRate) else { return };
             draft.part("turn");
-            return self.source(draft, "turn", k, &[YawRate], None);
+            let kinds = self.with_reported(draft, k, YawRate);
+            return self.source(draft, "turn", k, &kinds, None);
         };
         draft.part("turn");
         let Some(rates) = self.logs[*k].signal(AngularRate) else { return };

@@ -4,10 +4,10 @@ use super::draft::{Draft, list, number};
 use super::{WITHHELD, is_local, track_stride};
 use crate::inspect::numbers::{by_half, median};
 use crate::inspect::signal::Kind::{
-    self, BodyVelocity, Depth, Euler, Geodetic, Heading, Local, MagneticField, PositionSigma, Pressure, Quaternion, Speed, Velocity,
-    VelocitySigma,
+    self, AttitudeSigma, BodyVelocity, Depth, Euler, Geodetic, Heading, Local, MagneticField, PositionSigma, Pressure, Quaternion, Speed,
+    Velocity, VelocitySigma,
 };
-use crate::inspect::track::Claim;
+use crate::inspect::track::{Claim, covers};
 use crate::inspect::words::{Words, contains};
 use crate::inspect::{Inspection, Log, Track};
 use fusion_core::math;
@@ -29,7 +29,15 @@ impl Inspection {
         };
         let velocity = (!log.has_flat_velocity()).then_some(Velocity);
         let position_sigma = self.judges_with_reported(k).then_some(PositionSigma);
-        let all = [Some(place(log)), velocity, attitude, position_sigma, Some(VelocitySigma)];
+        let attitude_sigma = attitude.filter(|kind| *kind == Quaternion).map(|_| AttitudeSigma);
+        let all = [
+            Some(place(log)),
+            velocity,
+            attitude,
+            attitude_sigma,
+            position_sigma,
+            Some(VelocitySigma),
+        ];
         let sigma_of = |kind| kind != VelocitySigma || velocity.is_some() && log.has(Velocity);
         all.into_iter().flatten().filter(|kind| log.has(*kind) && sigma_of(*kind)).collect()
     }
@@ -166,7 +174,7 @@ impl Inspection {
     fn claimed_position(&self) -> Option<Claim> {
         let (k, track) = self.position.as_ref()?;
         let log = &self.logs[*k];
-        let is_whole = self.has_height() && !is_local(log) && !self.is_slow(log, track);
+        let is_whole = self.has_height() && !self.is_slow(log, track);
         track.claims[0].filter(|_| is_whole)
     }
 
@@ -327,12 +335,28 @@ impl Inspection {
         if let Some(current) = self.current(Speed) {
             draft.part("speed through water");
             drift(draft, &self.why_water(Speed, current));
-            self.source(draft, "log", k, &[Speed], None);
+            let kinds = self.with_reported(draft, k, Speed);
+            self.source(draft, "log", k, &kinds, None);
             draft.part("leeway");
         } else {
             draft.part("speed of wheels");
-            self.source(draft, "odometer", k, &[Speed], None);
+            let kinds = self.with_reported(draft, k, Speed);
+            self.source(draft, "odometer", k, &kinds, None);
         }
+    }
+
+    /// The kinds that the current sensor reads: its own, and the 1σ that the log reports of it. The noise of the sensor is
+    /// then that of each row, and its usual noise is added.
+    pub(super) fn with_reported(&self, draft: &mut Draft, k: usize, kind: Kind) -> Vec<Kind> {
+        let sigma = kind.sigma().filter(|sigma| covers(&self.logs[k], *sigma, kind));
+        if sigma.is_some() {
+            draft.set("noise.from_source", true);
+            draft.reason(
+                "noise",
+                "guessed: the covariance of each message, and the usual noise of such a sensor added",
+            );
+        }
+        [Some(kind), sigma].into_iter().flatten().collect()
     }
 
     /// The height of the first fix, if the fixes have none.
@@ -373,7 +397,8 @@ impl Inspection {
                 }
                 "dvl"
             };
-            self.source(draft, name, k, &[BodyVelocity], None);
+            let kinds = self.with_reported(draft, k, BodyVelocity);
+            self.source(draft, name, k, &kinds, None);
         }
         let in_position = self.position.as_ref().is_some_and(|(k, _)| is_local(&self.logs[*k]));
         if let Some(k) = self.with(Depth).filter(|_| !in_position || is_planar) {

@@ -53,6 +53,9 @@ impl Inspection {
     fn time(&self, draft: &mut Draft, name: &str, log: &Log, clock: &Clock) {
         let name_of = |column: usize| log.table.columns[column].name.as_str();
         let has_own = log.table.format.clock.is_some();
+        if has_own && clock.column != 0 {
+            draft.set("time.column", name_of(clock.column));
+        }
         if clock.form == Form::Even {
             draft.set("time.rate", format!("{} Hz", clock.rate));
         } else if !has_own {
@@ -171,7 +174,12 @@ impl Inspection {
             Kind::SpecificForce | Kind::AngularRate | Kind::MagneticField => self.vector(source, log, signal),
             Kind::Velocity => over_ground(log, signal).unwrap_or_else(|| [columns(&names)].into_iter().chain(unit).collect()),
             Kind::BodyVelocity => [columns(&names)].into_iter().chain(unit).collect(),
-            Kind::PositionSigma | Kind::VelocitySigma => {
+            Kind::PositionSigma
+            | Kind::VelocitySigma
+            | Kind::BodyVelocitySigma
+            | Kind::SpeedSigma
+            | Kind::YawRateSigma
+            | Kind::AttitudeSigma => {
                 let axes = if is_horizontal { 2 } else { 3 };
                 let variance = signal.is_variance().then(|| ("variance", true.into()));
                 [columns(&names[..axes.min(names.len())])]
@@ -355,7 +363,7 @@ fn text_of(draft: &mut Draft, log: &Log) {
 /// The reasons for the declaration of a clock.
 fn why_time(log: &Log, clock: &Clock, is_scaled: bool) -> String {
     let mut why = match clock.form {
-        _ if log.table.format.clock.is_some() => Vec::new(),
+        _ if log.table.format.clock.is_some() => (clock.column != 0).then(|| clock.why.clone()).into_iter().collect(),
         Form::Count | Form::Recordings { .. } => vec![format!("unit: {}", clock.why)],
         _ if clock.day.is_none() => vec![clock.why.clone()],
         _ => Vec::new(),

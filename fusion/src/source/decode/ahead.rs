@@ -65,6 +65,7 @@ impl<R: RawRows> Ahead<R> {
     }
 
     /// The row looked at, if it is held; otherwise `raw` is at it.
+    #[inline]
     fn held(&self) -> Option<&Held> {
         self.held.get(self.at)
     }
@@ -91,6 +92,7 @@ impl<R: RawRows> RawRows for Ahead<R> {
         self.raw.counted()
     }
 
+    #[inline]
     fn cell(&self, column: usize) -> Cell<'_> {
         let Some(held) = self.held() else {
             return self.raw.cell(column);

@@ -139,7 +139,10 @@ impl Clock {
         let beyond = "lies beyond the 292 years that a log spans: set `time.epoch`, or another `time.unit`";
         let stamp = i64::try_from(instant - self.epoch).map_err(|_| (last, beyond))?;
         let about = *self.about.get_or_insert(stamp);
-        let stretched = math::round(stamp.saturating_sub(about) as f64 * (self.scale - 1.0)) as i64;
+        let stretched = match self.scale {
+            1.0 => 0,
+            scale => math::round(stamp.saturating_sub(about) as f64 * (scale - 1.0)) as i64,
+        };
         Ok(stamp.saturating_add(stretched).saturating_add(self.offset))
     }
 }

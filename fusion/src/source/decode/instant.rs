@@ -101,7 +101,7 @@ impl Origin {
 #[derive(Clone, Debug)]
 pub(super) struct ZeroPoint {
     pub(super) origin: Origin,
-    /// The day of the last count, and how far its instants are ahead of the counts.
+    /// The first count of the day of the last count, and how far the instants of that day are ahead of the counts.
     day: Cell<Option<(i128, i128)>>,
 }
 
@@ -115,12 +115,11 @@ impl ZeroPoint {
 
     /// As [`Origin::instant`].
     pub(super) fn instant(&self, count: i128) -> Option<i128> {
-        let day = count.div_euclid(DAY);
-        if let Some((_, ahead)) = self.day.get().filter(|(known, _)| *known == day) {
+        if let Some((_, ahead)) = self.day.get().filter(|(midnight, _)| (0..DAY).contains(&(count - midnight))) {
             return Some(count + ahead);
         }
         let instant = self.origin.instant(count)?;
-        self.day.set(Some((day, instant - count)));
+        self.day.set(Some((count.div_euclid(DAY) * DAY, instant - count)));
         Some(instant)
     }
 }

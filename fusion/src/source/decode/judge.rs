@@ -8,6 +8,7 @@ use super::jump::{self, After, Jumps};
 use super::plan::Plan;
 use super::raw::RawRows;
 use super::spec::{Interval, Keep, Policy, Ties};
+use crate::rows::DAMAGED;
 use core::ops::Range;
 use fusion_core::time::Time;
 
@@ -101,6 +102,19 @@ pub(super) struct Places {
     /// The conditions of the row and of each channel.
     pub(super) valid: Vec<Test>,
     pub(super) valid_channels: Vec<Vec<Test>>,
+}
+
+impl Places {
+    /// All columns that are read, in order.
+    pub(super) fn columns(&self) -> Vec<usize> {
+        let terms = self.terms.iter().flatten().map(|term| term.column);
+        let tests = self.valid.iter().chain(self.valid_channels.iter().flatten());
+        let tests = tests.map(|test| test.column);
+        let mut all: Vec<usize> = self.stamp.iter().copied().chain(terms).chain(tests).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
 }
 
 impl Judge {
@@ -213,7 +227,7 @@ impl Judge {
             }
             return Err(Unused::Wrong(Refusal {
                 policy: Policy::Skip,
-                reason: "the end of a damaged file",
+                reason: DAMAGED,
                 message: malformed.message,
                 help: String::new(),
             }));

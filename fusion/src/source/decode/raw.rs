@@ -18,6 +18,9 @@ pub trait RawRows: Send {
         false
     }
 
+    /// Selects the columns that will be read, before the first row. A format may leave the cells of the others empty.
+    fn select(&mut self, _columns: &[usize]) {}
+
     /// Reads the next row; `false` after the last.
     ///
     /// # Errors
@@ -52,6 +55,10 @@ impl<R: RawRows + ?Sized> RawRows for Box<R> {
 
     fn is_numbered(&self) -> bool {
         (**self).is_numbered()
+    }
+
+    fn select(&mut self, columns: &[usize]) {
+        (**self).select(columns);
     }
 
     fn advance(&mut self) -> Result<bool, DataError> {
@@ -108,6 +115,7 @@ impl<'a> Cell<'a> {
     }
 
     /// The number that it holds, finite or not.
+    #[inline]
     #[must_use]
     pub fn number(self) -> Option<f64> {
         match self {

@@ -33,7 +33,7 @@ impl Plan<'_> {
     /// Columns that the file does not have, a local position without an origin.
     pub fn decode<R: RawRows + 'static>(
         mut self,
-        raw: R,
+        mut raw: R,
         file: &DataFile,
         context: &OpenContext,
     ) -> Result<Box<dyn RowStream>, SourceError> {
@@ -60,6 +60,7 @@ impl Plan<'_> {
         if !columns.errors.is_empty() {
             return Err(columns.errors.into());
         }
+        raw.select(&places.columns());
         Ok(Box::new(Decoded {
             file: file.name(),
             judge: Judge::new(self, places, context.arriving.is_some()),

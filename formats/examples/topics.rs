@@ -1,0 +1,171 @@
+//! The time to read one topic, and all five topics, of a bag of ROS 2 in MCAP.
+//!
+//! ```text
+//! cargo run --release -p fusion-formats --features mcap --example topics
+//! ```
+//!
+//! The file has five topics of `sensor_msgs/Imu` with equal rates, as CDR in chunks that are not packed. Rows are decoded
+//! and merged as in a run; there is no filter. Times are the best of several readings, which take turns.
+
+use fusion::config::{Diagnostics, Document};
+use fusion::rows::Merged;
+use fusion::source::{OpenContext, SourceSpec};
+use std::fmt::Write as _;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+const TOPICS: usize = 5;
+const MESSAGES: u64 = 100_000;
+const READINGS: usize = 9;
+/// Messages in a chunk: about a megabyte.
+const IN_CHUNK: u64 = 3_000;
+const DEFINITION: &str = "\
+std_msgs/Header header
+geometry_msgs/Quaternion orientation
+float64[9] orientation_covariance
+geometry_msgs/Vector3 angular_velocity
+float64[9] angular_velocity_covariance
+geometry_msgs/Vector3 linear_acceleration
+float64[9] linear_acceleration_covariance
+===
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+===
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+===
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+";
+
+type Failure = Box<dyn std::error::Error>;
+
+fn main() -> Result<(), Failure> {
+    fusion_formats::link();
+    let folder = std::env::temp_dir().join(format!("fusion-topics-{}", std::process::id()));
+    std::fs::create_dir_all(&folder)?;
+    let measured = write(&folder.join("log.mcap")).and_then(|bytes| measure(&folder, bytes));
+    std::fs::remove_dir_all(&folder)?;
+    std::io::stdout().write_all(measured?.as_bytes())?;
+    Ok(())
+}
+
+fn measure(folder: &Path, bytes: u64) -> Result<String, Failure> {
+    let mut best = [Duration::MAX; 2];
+    let mut sums = [0; 2];
+    for _ in 0..READINGS {
+        for (k, topics) in [1, TOPICS].into_iter().enumerate() {
+            let started = Instant::now();
+            sums[k] = read(folder, topics)?;
+            best[k] = best[k].min(started.elapsed());
+        }
+    }
+    let megabytes = bytes as f64 / 1e6;
+    let mut lines = format!("{TOPICS} topics of {MESSAGES} messages, {megabytes:.0} MB\n");
+    for (k, topics) in [1, TOPICS].into_iter().enumerate() {
+        let seconds = best[k].as_secs_f64();
+        let rate = megabytes / seconds;
+        writeln!(
+            lines,
+            "{topics} read: {:.1} ms, {rate:.0} MB/s, sum {:016x}",
+            1e3 * seconds,
+            sums[k]
+        )?;
+    }
+    writeln!(lines, "ratio: {:.2}", best[1].as_secs_f64() / best[0].as_secs_f64())?;
+    Ok(lines)
+}
+
+/// Reads topics by one source each, and returns a sum over all bits of all rows.
+fn read(folder: &Path, topics: usize) -> Result<u64, Failure> {
+    let context = OpenContext {
+        data_dir: folder.to_owned(),
+        ..OpenContext::default()
+    };
+    let sources = (0..topics).map(|topic| {
+        let vector = |name: &str| ["x", "y", "z"].map(|axis| format!("\"{name}.{axis}\"")).join(", ");
+        let declared = format!(
+            "type = \"mcap\"\npath = \"log.mcap\"\ntopic = \"/imu{topic}\"\n[channels]\n\
+             angular_rate = {{ columns = [{}], unit = \"rad/s\" }}\n\
+             specific_force = {{ columns = [{}], unit = \"m/s^2\" }}\n",
+            vector("angular_velocity"),
+            vector("linear_acceleration"),
+        );
+        let (document, _) = Document::parse("topics.toml", &declared);
+        let spec = document
+            .root()
+            .read_block::<dyn SourceSpec>("source", &["mcap"], &mut Diagnostics::new());
+        Ok(spec.ok_or(declared)?.open(&context)?)
+    });
+    let mut merged = Merged::new(sources.collect::<Result<_, Failure>>()?);
+    let (mut sum, mut rows) = (0_u64, 0);
+    while let Some(row) = merged.next()? {
+        let bits = row.values.iter().map(|value| value.to_bits());
+        let bits = bits.chain([row.time.nanos() as u64, row.stream as u64]);
+        sum = bits.fold(sum, |sum, bits| sum.rotate_left(5).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ bits);
+        rows += 1;
+    }
+    assert_eq!(rows, topics as u64 * MESSAGES, "rows are missing");
+    Ok(sum)
+}
+
+/// Writes the bag, and returns its length.
+fn write(path: &Path) -> Result<u64, Failure> {
+    let mut file = BufWriter::new(std::fs::File::create(path)?);
+    file.write_all(b"\x89MCAP0\r\n")?;
+    file.write_all(&record(1, &[counted(b""), counted(b"")].concat()))?;
+    let texts = ["sensor_msgs/msg/Imu", "ros2msg", DEFINITION].map(|text| counted(text.as_bytes()));
+    file.write_all(&record(3, &[&1_u16.to_le_bytes()[..], &texts.concat()].concat()))?;
+    for topic in 0..TOPICS as u16 {
+        let texts = [format!("/imu{topic}"), "cdr".to_owned(), String::new()].map(|text| counted(text.as_bytes()));
+        file.write_all(&record(
+            4,
+            &[&topic.to_le_bytes()[..], &1_u16.to_le_bytes(), &texts.concat()].concat(),
+        ))?;
+    }
+    let mut records = Vec::new();
+    for k in 0..MESSAGES * TOPICS as u64 {
+        let (topic, nanos) = ((k % TOPICS as u64) as u16, 1_700_000_000_000_000_000 + 2_000_000 * k);
+        let head = [&topic.to_le_bytes()[..], &[0; 4], &nanos.to_le_bytes(), &nanos.to_le_bytes()].concat();
+        records.extend(record(5, &[head, imu(nanos, k)].concat()));
+        if (k + 1) % IN_CHUNK == 0 || k + 1 == MESSAGES * TOPICS as u64 {
+            let length = (records.len() as u64).to_le_bytes();
+            let check = crc32fast::hash(&records).to_le_bytes();
+            let head = [&[0; 16][..], &length, &check, &counted(b""), &length].concat();
+            file.write_all(&record(6, &[head, core::mem::take(&mut records)].concat()))?;
+        }
+    }
+    file.write_all(&record(15, &[0; 4]))?;
+    file.write_all(&record(2, &[0; 20]))?;
+    file.write_all(b"\x89MCAP0\r\n")?;
+    Ok(file.into_inner()?.metadata()?.len())
+}
+
+/// A message of CDR.
+fn imu(nanos: u64, k: u64) -> Vec<u8> {
+    let mut bytes = vec![0, 1, 0, 0];
+    bytes.extend(
+        [nanos / 1_000_000_000, nanos % 1_000_000_000]
+            .map(|part| (part as u32).to_le_bytes())
+            .concat(),
+    );
+    bytes.extend(counted(b"imu\0"));
+    let numbers = (0..37).map(|i| ((k * 37 + i) % 1009) as f64 * 1e-3);
+    bytes.extend(numbers.flat_map(f64::to_le_bytes));
+    bytes
+}
+
+fn record(kind: u8, content: &[u8]) -> Vec<u8> {
+    [&[kind], &(content.len() as u64).to_le_bytes()[..], content].concat()
+}
+
+fn counted(bytes: &[u8]) -> Vec<u8> {
+    [&(bytes.len() as u32).to_le_bytes(), bytes].concat()
+}
