@@ -115,7 +115,7 @@ pub(crate) struct LiveFeed {
     pub(crate) base: Base,
     pub(crate) sending: Option<Sending>,
     pub(crate) recording: Option<Recording>,
-    pub(crate) board: Arc<Board>,
+    pub(crate) board: Board,
     /// From the arrival of a row to the estimate with it.
     latency: Latency,
     pending: VecDeque<Ready>,
@@ -145,7 +145,7 @@ fn failed(path: &Path, error: &io::Error) -> Diagnostics {
 }
 
 impl LiveFeed {
-    pub(crate) fn new(events: Events, of_links: Vec<Vec<usize>>, sources: Vec<Fed>, base: Base, board: Arc<Board>) -> Self {
+    pub(crate) fn new(events: Events, of_links: Vec<Vec<usize>>, sources: Vec<Fed>, base: Base, board: Board) -> Self {
         Self {
             events,
             of_links,
@@ -401,7 +401,7 @@ impl LiveFeed {
         for source in &mut self.sources {
             source.decoder.end(&mut |_| {});
         }
-        self.board.tell(&self.sources, &self.latency);
+        self.board.end(&self.sources, &self.latency);
         if let Some(sending) = &self.sending {
             sending.outputs.iter().for_each(|output| output.mailbox.close());
         }

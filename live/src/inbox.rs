@@ -8,6 +8,14 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
+/// The memory of an event beside its bytes.
+const EVENT: u64 = size_of::<Event>() as u64;
+
+/// The memory of arrived bytes that wait.
+fn size(bytes: &[u8]) -> u64 {
+    bytes.len() as u64 + EVENT
+}
+
 /// Something that has happened on a link.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Event {
@@ -97,7 +105,7 @@ impl Inbox {
     fn put(&self, event: Event, most: u64, waits: bool) -> bool {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         if let Happened::Bytes(bytes) = &event.what {
-            let count = bytes.len() as u64;
+            let count = size(bytes);
             // A queue without bytes takes any number.
             let is_full = |waiting: &Waiting| waiting.bytes[event.link] > 0 && waiting.bytes[event.link] + count > most;
             while waits && is_full(&waiting) && !self.stop.load(Ordering::Relaxed) {
@@ -127,7 +135,7 @@ impl Inbox {
             }
             if let Some(event) = waiting.events.pop_front() {
                 if let Happened::Bytes(bytes) = &event.what {
-                    waiting.bytes[event.link] -= bytes.len() as u64;
+                    waiting.bytes[event.link] -= size(bytes);
                     self.left.notify_all();
                 }
                 return Next::Event(event);
@@ -226,7 +234,7 @@ impl Open {
             }
             let count = bytes.len() as u64;
             self.counts.bytes.fetch_add(count, Ordering::Relaxed);
-            if self.is_read && !self.tell(inbox, clock, Happened::Bytes(core::mem::take(&mut bytes))) {
+            if self.is_read && !self.tell(inbox, clock, Happened::Bytes(bytes.as_slice().to_vec())) {
                 self.counts.dropped.fetch_add(count, Ordering::Relaxed);
             }
         }

@@ -115,7 +115,7 @@ impl Live {
             let names: Vec<String> = self.tables.links.iter().map(|link| link.name.clone()).collect();
             let record = Record::open(&path, &names).map_err(|error| cannot(&format!("{}", path.display()), &error))?;
             let (sources, of_links) = self.sources(assembly)?;
-            let board = Arc::new(Board::new(None, Duration::MAX));
+            let board = Board::new(None).map_err(|error| cannot("no thread for the status", &error))?;
             let feed = LiveFeed::new(Events::Record(record), of_links, sources, self.base(), board);
             Ok(Box::new(feed))
         })
@@ -175,11 +175,7 @@ impl Live {
         let (sources, of_links) = self.sources(assembly)?;
         let base = self.base();
         let inbox = Arc::new(Inbox::new(self.tables.links.len(), options.stop.clone()));
-        let (every, listener): (Duration, Option<StatusListener>) = match options.status {
-            Some((every, listener)) => (every, Some(listener)),
-            None => (Duration::MAX, None),
-        };
-        let mut board = Board::new(listener, every);
+        let mut board = Board::new(options.status).map_err(|error| cannot("no thread for the status", &error))?;
         let filters = Filters::of(assembly);
         let names = filters.outermost().map(|own| Names::new(own, assembly)).unwrap_or_default();
         let time_zero = self.design.time_zero();
@@ -233,7 +229,7 @@ impl Live {
             open.start(inbox.clone(), clock)
                 .map_err(|error| cannot("no thread for a link", &error))?;
         }
-        let mut feed = LiveFeed::new(Events::Links(inbox), of_links, sources, base, Arc::new(board));
+        let mut feed = LiveFeed::new(Events::Links(inbox), of_links, sources, base, board);
         feed.sending = Some(Sending {
             outputs: due,
             sensors,

@@ -5,7 +5,9 @@ use crate::inbox::Counts;
 use crate::latency::Latency;
 use crate::leaving::Mailbox;
 use std::sync::atomic::Ordering;
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 /// The state of a live run.
@@ -80,43 +82,62 @@ pub struct OutputStatus {
 /// Hears the status.
 pub type StatusListener = Arc<dyn Fn(&Status) + Send + Sync>;
 
-/// Makes the status at intervals.
+/// States that wait for a listener that is slow. Further ones are dropped.
+const WAITING: usize = 2;
+/// At the end the listener has this time for those that wait.
+const LAST: Duration = Duration::from_secs(1);
+
+/// Makes the status at intervals. The listener hears it in its own thread, so that the filter never waits for it.
 pub(crate) struct Board {
     pub(crate) links: Vec<(String, Arc<Counts>)>,
     pub(crate) outputs: Vec<(String, Arc<Mailbox>)>,
-    pub(crate) listener: Option<StatusListener>,
-    pub(crate) every: Duration,
-    last: Mutex<Instant>,
+    listener: Option<(SyncSender<Status>, JoinHandle<()>)>,
+    every: Duration,
+    last: Instant,
 }
 
 impl Board {
-    pub(crate) fn new(listener: Option<StatusListener>, every: Duration) -> Self {
-        Self {
+    /// # Errors
+    /// The system has no more threads.
+    pub(crate) fn new(listener: Option<(Duration, StatusListener)>) -> std::io::Result<Self> {
+        let every = listener.as_ref().map_or(Duration::MAX, |(every, _)| *every);
+        let start = |(_, listener): (Duration, StatusListener)| -> std::io::Result<_> {
+            let (to, states) = sync_channel::<Status>(WAITING);
+            let body = move || states.iter().for_each(|status| listener(&status));
+            Ok((to, Builder::new().name("status".to_owned()).spawn(body)?))
+        };
+        Ok(Self {
             links: Vec::new(),
             outputs: Vec::new(),
-            listener,
+            listener: listener.map(start).transpose()?,
             every,
-            last: Mutex::new(Instant::now()),
-        }
+            last: Instant::now(),
+        })
     }
 
     /// Passes the status on, if it is time.
-    pub(crate) fn look(&self, sources: &[Fed], latency: &Latency) {
-        if self.listener.is_none() {
-            return;
-        }
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if last.elapsed() >= self.every {
-            *last = Instant::now();
-            drop(last);
-            self.tell(sources, latency);
+    pub(crate) fn look(&mut self, sources: &[Fed], latency: &Latency) {
+        if self.listener.is_some() && self.last.elapsed() >= self.every {
+            self.last = Instant::now();
+            self.pass(sources, latency);
         }
     }
 
-    /// Passes the status on.
-    pub(crate) fn tell(&self, sources: &[Fed], latency: &Latency) {
-        if let Some(listener) = &self.listener {
-            listener(&self.status(sources, latency));
+    fn pass(&self, sources: &[Fed], latency: &Latency) {
+        if let Some((to, _)) = &self.listener {
+            // A listener that is slow hears the next one.
+            let _ = to.try_send(self.status(sources, latency));
+        }
+    }
+
+    /// Passes the last status on, and waits a moment for the listener.
+    pub(crate) fn end(&mut self, sources: &[Fed], latency: &Latency) {
+        self.pass(sources, latency);
+        let Some((to, listener)) = self.listener.take() else { return };
+        drop(to);
+        let until = Instant::now() + LAST;
+        while !listener.is_finished() && Instant::now() < until {
+            std::thread::sleep(Duration::from_millis(1));
         }
     }
 

@@ -62,6 +62,7 @@ impl Cells {
     }
 
     /// Adds numbers.
+    #[cfg(any(feature = "mcap", feature = "rosbag", feature = "rosbag2"))]
     #[inline]
     pub(crate) fn numbers(&mut self, numbers: impl ExactSizeIterator<Item = f64>) {
         self.values.extend(numbers.map(Value::Number));
