@@ -70,7 +70,7 @@ impl Relation {
     /// Takes the stamp and the arrival of a message \[ns\].
     ///
     /// A stamp that is later than its arrival by the envelope allows is a jump of a clock: the relation starts again. If
-    /// a stamp goes back, the message was late or the clock has jumped back. If [`CONFIRMED`] messages in order follow it,
+    /// a stamp goes back, the message was late or the clock has jumped back. If five messages in order follow it,
     /// none of them in the former order, it was the clock.
     pub fn add(&mut self, stamp: i64, arrival: i64) {
         if self.zero.is_none() {

@@ -22,7 +22,7 @@ const CRATES: [(&str, &str, &[&str]); 12] = [
         &["fusion", "fusion-core", "fusion-models", "fusion-tables"],
     ),
     ("formats", "fusion-formats", &["fusion"]),
-    ("live", "fusion-live", &["fusion"]),
+    ("live", "fusion-live", &["fusion", "fusion-formats"]),
     ("ros2", "fusion-ros2", &["fusion", "fusion-formats", "fusion-live"]),
     (
         "present",

@@ -402,7 +402,7 @@ impl<'a> Finder<'a> {
             return;
         };
         let has_velocity = self.found.iter().any(|s| s.kind == Kind::Velocity);
-        let Some(course) = find(&COURSE, &["deg", "rad"], &|_| true).filter(|_| !has_velocity) else {
+        let Some(course) = find(&COURSE, &["deg", "cdeg", "rad"], &|_| true).filter(|_| !has_velocity) else {
             self.add(Kind::GroundSpeed, vec![(speed, false)]);
             return;
         };
@@ -573,7 +573,7 @@ fn body_vector(prefix: &str, unit: Option<&'static str>) -> Option<(Kind, &'stat
         // `gyro_rad` of PX4 is a rate.
         Some("rad") if gyros => (Kind::AngularRate, "rad/s", false),
         Some("deg") if gyros => (Kind::AngularRate, "deg/s", false),
-        Some("rad/s" | "deg/s") => (Kind::AngularRate, named, false),
+        Some("rad/s" | "mrad/s" | "deg/s") => (Kind::AngularRate, named, false),
         Some("m") if prefix.is_empty() || is(&["p", "pos", "position"]) => (Kind::Local, named, false),
         Some("counts") | None if is(&ACCELEROMETERS) => (Kind::SpecificForce, named, false),
         Some("counts") | None if gyros => (Kind::AngularRate, named, false),

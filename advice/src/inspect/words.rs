@@ -10,7 +10,7 @@ pub(super) struct Words {
 }
 
 /// Units as headers write them, without blanks and brackets, and as designs write them.
-const UNITS: [(&str, &str); 57] = [
+const UNITS: [(&str, &str); 59] = [
     ("mps2", "m/s^2"),
     ("ms2", "m/s^2"),
     ("m/s2", "m/s^2"),
@@ -22,6 +22,7 @@ const UNITS: [(&str, &str); 57] = [
     ("radps", "rad/s"),
     ("rad/s", "rad/s"),
     ("rads^-1", "rad/s"),
+    ("mrad/s", "mrad/s"),
     ("degps", "deg/s"),
     ("deg/s", "deg/s"),
     ("dps", "deg/s"),
@@ -38,6 +39,7 @@ const UNITS: [(&str, &str); 57] = [
     ("deg", "deg"),
     ("degree", "deg"),
     ("degrees", "deg"),
+    ("cdeg", "cdeg"),
     ("1e-7deg", "1e-7 deg"),
     ("cmps", "cm/s"),
     ("cm/s", "cm/s"),

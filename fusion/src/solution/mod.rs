@@ -65,6 +65,20 @@ impl Solution {
         }
     }
 
+    /// The velocity v_eb_b in body axes \[m/s\] and its covariance; `None` without velocity and attitude.
+    ///
+    /// With v_b = C_bn v_n, δv_b = C_bn δv_n + v_b × δθ: δθ is the error of the attitude in body axes.
+    #[must_use]
+    pub fn body_velocity(&self) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        let ((v_n, of_velocity), (q, of_attitude)) = (self.velocity.as_ref()?, self.attitude.as_ref()?);
+        let c_bn = q.inverse().to_rotation_matrix().into_inner();
+        let v_b = c_bn * v_n;
+        let by_attitude = v_b.cross_matrix();
+        let across = c_bn * self.with_attitude[1] * by_attitude.transpose();
+        let own = c_bn * of_velocity * c_bn.transpose() + by_attitude * of_attitude * by_attitude.transpose();
+        Some((v_b, own + across + across.transpose()))
+    }
+
     /// Roll, pitch, yaw \[rad\] and their 1σ.
     #[must_use]
     pub fn rpy(&self) -> Option<(Vector3<f64>, Vector3<f64>)> {

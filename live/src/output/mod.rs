@@ -4,6 +4,8 @@
 mod foxglove;
 mod json;
 mod line;
+#[cfg(feature = "mavlink")]
+mod mavlink;
 mod nmea;
 #[cfg(test)]
 mod testing;
@@ -11,6 +13,8 @@ mod testing;
 #[cfg(feature = "foxglove")]
 pub use foxglove::FoxgloveSpec;
 pub use json::JsonSpec;
+#[cfg(feature = "mavlink")]
+pub use mavlink::MavlinkSpec;
 pub use nmea::NmeaSpec;
 
 use crate::link::Sender;

@@ -18,20 +18,12 @@ pub(super) struct Twist {
 
 impl Twist {
     /// The velocity of a solution; `None` without velocity and attitude.
-    ///
-    /// With v = C v_n and C the turn to the body, δv = C δv_n + v × δθ: δθ is the error of the attitude in body axes.
     pub(super) fn of(solution: &Solution) -> Option<Self> {
-        let ((velocity, of_velocity), (q, of_attitude)) = (solution.velocity.as_ref()?, solution.attitude.as_ref()?);
-        let to_body = q.inverse().to_rotation_matrix().into_inner();
-        let v = to_body * velocity;
-        let by_attitude = v.cross_matrix();
-        let across = to_body * solution.with_attitude[1] * by_attitude.transpose();
-        let of_body =
-            to_body * of_velocity * to_body.transpose() + by_attitude * of_attitude * by_attitude.transpose() + across + across.transpose();
+        let (velocity, covariance) = solution.body_velocity()?;
         let left_up = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
         Some(Self {
-            velocity: left_up * v,
-            covariance: left_up * of_body * left_up,
+            velocity: left_up * velocity,
+            covariance: left_up * covariance * left_up,
         })
     }
 }

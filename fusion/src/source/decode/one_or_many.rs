@@ -12,6 +12,13 @@ use std::borrow::Cow;
 #[derive(Clone, Debug)]
 pub struct OneOrMany<T>(pub(in super::super) Vec<T>);
 
+impl<T> OneOrMany<T> {
+    /// The values, in order.
+    pub fn iter(&self) -> core::slice::Iter<'_, T> {
+        self.0.iter()
+    }
+}
+
 impl<T> Default for OneOrMany<T> {
     fn default() -> Self {
         Self(Vec::new())
