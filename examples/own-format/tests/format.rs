@@ -244,5 +244,6 @@ fn an_own_link_and_an_own_output_run_live_and_their_record_has_the_same_bits() {
     folder.fusion(&["run", "live.toml", "--replay", "in.mcap", "--out", "again"]);
     let read = |name: &str| fs::read_to_string(folder.0.join(name)).unwrap();
     assert_eq!(read("live/estimates.csv"), read("again/estimates.csv"));
-    assert_eq!(read("live/estimates.csv").lines().count(), 41, "a row was lost");
+    // The head, and an estimate for each of the 40 rows but the first, which starts the filter.
+    assert_eq!(read("live/estimates.csv").lines().count(), 40, "a row was lost");
 }
