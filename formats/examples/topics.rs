@@ -5,7 +5,7 @@
 //! ```
 //!
 //! The file has five topics of `sensor_msgs/Imu` with equal rates, as CDR in chunks that are not packed. Rows are decoded
-//! and merged as in a run; there is no filter. Times are the best of several readings, which take turns.
+//! and merged as in a run, without a filter. Times are the best of several readings, which take turns.
 
 use fusion::config::{Diagnostics, Document};
 use fusion::rows::Merged;

@@ -14,7 +14,7 @@ pub(crate) struct Chunk {
     next: usize,
     /// Its place in the file.
     from: u64,
-    /// What is wrong after its records, if the next chunk can be read.
+    /// The damage after its records, if the next chunk can be read.
     pub(crate) lost: Option<String>,
     /// The damage after its records, if nothing more can be read.
     pub(crate) broken: Option<Broken>,

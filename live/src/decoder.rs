@@ -46,8 +46,9 @@ pub(crate) struct Decoder {
     pub(crate) rows: u64,
     /// The report of the readers that have ended.
     pub(crate) report: SourceReport,
-    /// Why a reader ended last.
+    /// Why a reader ended, if no row came after it.
     pub(crate) trouble: Option<String>,
+    is_trouble_new: bool,
 }
 
 impl Decoder {
@@ -72,6 +73,7 @@ impl Decoder {
             rows: 0,
             report: SourceReport::default(),
             trouble: None,
+            is_trouble_new: false,
         };
         decoder.listen(&mut |_| {});
         Ok(decoder)
@@ -90,6 +92,14 @@ impl Decoder {
         }
     }
 
+    /// Why a reader ended, once.
+    pub(crate) fn new_trouble(&mut self) -> Option<&str> {
+        if core::mem::replace(&mut self.is_trouble_new, false) {
+            return self.trouble.as_deref();
+        }
+        None
+    }
+
     fn told(&mut self, what: Told, take: &mut dyn FnMut(Decoded)) {
         // A thread that panicked says nothing any more.
         if self.tell.send(what).is_ok() {
@@ -103,12 +113,18 @@ impl Decoder {
             match said {
                 Said::Row(row) => {
                     self.rows += 1;
+                    self.trouble = None;
                     take(row);
                 }
                 Said::Waits => return,
                 Said::Ended(report, error) => {
                     self.report.join(report);
-                    self.trouble = error.map(|error| error.to_string()).or(self.trouble.take());
+                    if let Some(error) = error {
+                        let error = error.to_string();
+                        // A reader that fails again and again says why once.
+                        self.is_trouble_new |= self.trouble.as_ref() != Some(&error);
+                        self.trouble = Some(error);
+                    }
                 }
             }
         }

@@ -10,6 +10,7 @@ use crate::record::{Entry, Record, Recorder};
 use crate::relation::Relation;
 use crate::resume::Lately;
 use crate::sensors::Sensors;
+use crate::speaker::Speaker;
 use crate::status::{Board, SourceStatus};
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::core::memory::{Memory, Tape};
@@ -44,6 +45,8 @@ pub(crate) struct Fed {
     pub(crate) lately: Lately,
     /// The number of its rows before those that its reader counts.
     pub(crate) number_before: u64,
+    /// The number of its last row.
+    pub(crate) last_number: u64,
 }
 
 impl Fed {
@@ -86,6 +89,17 @@ pub(crate) struct Due {
     pub(crate) count: u64,
 }
 
+impl Due {
+    /// The next estimate is the first one after now.
+    fn skip_to(&mut self, now: Instant) {
+        let late = now.saturating_duration_since(self.next).as_nanos();
+        let steps = late / self.every.as_nanos().max(1) + 1;
+        let ahead = steps.saturating_mul(self.every.as_nanos().max(1));
+        let ahead = Duration::from_nanos(u64::try_from(ahead).unwrap_or(u64::MAX));
+        self.next = self.next.checked_add(ahead).unwrap_or(now + IDLE);
+    }
+}
+
 /// The parts that send estimates.
 pub(crate) struct Sending {
     pub(crate) outputs: Vec<Due>,
@@ -102,6 +116,8 @@ pub(crate) struct Sending {
 pub(crate) struct Recording {
     pub(crate) path: PathBuf,
     pub(crate) recorder: Option<Recorder>,
+    /// The bytes of a record that could not be continued. The filter runs on without it.
+    pub(crate) ended_at: Option<u64>,
     pub(crate) links: Vec<String>,
     pub(crate) ahead: i64,
 }
@@ -116,6 +132,7 @@ pub(crate) struct LiveFeed {
     pub(crate) sending: Option<Sending>,
     pub(crate) recording: Option<Recording>,
     pub(crate) board: Board,
+    pub(crate) speaker: Speaker,
     /// From the arrival of a row to the estimate with it.
     latency: Latency,
     pending: VecDeque<Ready>,
@@ -145,7 +162,7 @@ fn failed(path: &Path, error: &io::Error) -> Diagnostics {
 }
 
 impl LiveFeed {
-    pub(crate) fn new(events: Events, of_links: Vec<Vec<usize>>, sources: Vec<Fed>, base: Base, board: Board) -> Self {
+    pub(crate) fn new(events: Events, of_links: Vec<Vec<usize>>, sources: Vec<Fed>, base: Base, board: Board, speaker: Speaker) -> Self {
         Self {
             events,
             of_links,
@@ -154,6 +171,7 @@ impl LiveFeed {
             sending: None,
             recording: None,
             board,
+            speaker,
             latency: Latency::default(),
             pending: VecDeque::new(),
             row: Ready::default(),
@@ -169,7 +187,7 @@ impl LiveFeed {
     fn begin(&mut self) -> Result<(), Diagnostics> {
         let at = self.resumes_at.take();
         let Some(recording) = &self.recording else { return Ok(()) };
-        if recording.recorder.is_some() {
+        if recording.recorder.is_some() || recording.ended_at.is_some() {
             return Ok(());
         }
         let (path, links, ahead) = (recording.path.clone(), recording.links.clone(), recording.ahead);
@@ -223,8 +241,8 @@ impl LiveFeed {
                             what: Happened::Bytes(bytes),
                             ..
                         }) if of == link => decoder.push(&bytes, &mut |_| {}),
-                        Entry::Event(Event { link: of, .. }) if of == link => decoder.end(&mut |_| {}),
-                        _ => {}
+                        Entry::Event(Event { link: of, .. }) if of != link => {}
+                        Entry::Event(_) | Entry::Session => decoder.end(&mut |_| {}),
                     }
                 }
             }
@@ -234,8 +252,8 @@ impl LiveFeed {
 
     /// The program was started again: the clock of arrivals is another one, and the links were opened anew.
     fn session(&mut self) {
-        self.base.restart();
-        self.sources.iter_mut().for_each(|source| source.placing.restart());
+        self.base.forget();
+        self.sources.iter_mut().for_each(|source| source.placing.forget());
         for link in 0..self.of_links.len() {
             let arrival = self.latest;
             self.take(&Event {
@@ -256,16 +274,23 @@ impl LiveFeed {
     /// Decodes an event.
     fn take(&mut self, event: &Event) {
         self.latest = event.arrival;
-        let (pending, base) = (&mut self.pending, &mut self.base);
+        let (pending, base, keeps) = (&mut self.pending, &mut self.base, self.recording.is_some());
         for &number in self.of_links.get(event.link).into_iter().flatten() {
             let Fed {
+                name,
                 decoder,
                 placing,
                 lately,
                 number_before,
+                last_number,
                 ..
             } = &mut self.sources[number];
-            let mut ready = |row: Decoded| {
+            let mut ready = |mut row: Decoded| {
+                row.stamp.number += *number_before;
+                *last_number = row.stamp.number;
+                if keeps {
+                    lately.row(&row);
+                }
                 if let Some(time) = placing.place(row.stamp.time, event.arrival, base) {
                     pending.push_back(Ready {
                         source: number,
@@ -278,21 +303,19 @@ impl LiveFeed {
             };
             match &event.what {
                 Happened::Bytes(bytes) => {
-                    let mut last = None;
-                    decoder.push(bytes, &mut |mut row| {
-                        row.stamp.number += *number_before;
-                        last = Some(row.clone());
-                        ready(row);
-                    });
-                    lately.add(bytes, last);
+                    decoder.push(bytes, &mut ready);
+                    if keeps {
+                        lately.add(bytes);
+                    }
                 }
                 Happened::Anew | Happened::Closed => {
-                    decoder.end(&mut |mut row| {
-                        row.stamp.number += *number_before;
-                        ready(row);
-                    });
-                    *number_before = lately.clear().unwrap_or(*number_before);
+                    decoder.end(&mut ready);
+                    *number_before = *last_number;
+                    *lately = Lately::default();
                 }
+            }
+            if let Some(why) = decoder.new_trouble() {
+                self.speaker.say(format!("source `{name}`: {why}"));
             }
         }
     }
@@ -310,7 +333,7 @@ impl LiveFeed {
             next = Some(inbox.next(now));
             if matches!(next, Some(Next::Nothing)) {
                 // The record is safe before the filter waits.
-                self.flush()?;
+                self.write(Recorder::flush);
                 next = None;
             }
         }
@@ -327,14 +350,7 @@ impl LiveFeed {
                 Next::End => Ok(false),
                 Next::Nothing => Ok(true),
                 Next::Event(event) => {
-                    if let Some(Recording {
-                        path,
-                        recorder: Some(recorder),
-                        ..
-                    }) = &mut self.recording
-                    {
-                        recorder.write(&event).map_err(|error| failed(path, &error))?;
-                    }
+                    self.write(|recorder| recorder.write(&event));
                     self.take(&event);
                     Ok(true)
                 }
@@ -342,14 +358,15 @@ impl LiveFeed {
         }
     }
 
-    fn flush(&mut self) -> Result<(), Diagnostics> {
-        match &mut self.recording {
-            Some(Recording {
-                path,
-                recorder: Some(recorder),
-                ..
-            }) => recorder.flush().map_err(|error| failed(path, &error)),
-            _ => Ok(()),
+    /// Writes to the record. If this fails, the record ends here and a line says so: estimates matter more.
+    fn write(&mut self, write: impl FnOnce(&mut Recorder) -> io::Result<()>) {
+        let Some(recording) = &mut self.recording else { return };
+        let Some(recorder) = &mut recording.recorder else { return };
+        if let Err(error) = write(recorder) {
+            (recording.ended_at, recording.recorder) = (Some(recorder.safe()), None);
+            let path = recording.path.display();
+            self.speaker
+                .say(format!("the record {path} ends here, and the filter runs on without it: {error}"));
         }
     }
 
@@ -387,16 +404,14 @@ impl LiveFeed {
                 ..estimate.clone()
             });
             output.count += 1;
-            while output.next <= now {
-                output.next += output.every;
-            }
+            output.skip_to(now);
         }
     }
 
     /// Ends the readers and the record.
-    fn end(&mut self) -> Result<(), Diagnostics> {
+    fn end(&mut self) {
         if core::mem::replace(&mut self.has_ended, true) {
-            return Ok(());
+            return;
         }
         for source in &mut self.sources {
             source.decoder.end(&mut |_| {});
@@ -405,16 +420,14 @@ impl LiveFeed {
         if let Some(sending) = &self.sending {
             sending.outputs.iter().for_each(|output| output.mailbox.close());
         }
-        let Some(recording) = &mut self.recording else { return Ok(()) };
-        let finished = recording.recorder.take().map_or(Ok(()), Recorder::finish);
-        finished.map_err(|error| failed(&recording.path, &error))
+        self.write(Recorder::finish);
     }
 }
 
 impl Drop for LiveFeed {
     fn drop(&mut self) {
         // A run that an error has stopped.
-        let _ = self.end();
+        self.end();
     }
 }
 
@@ -429,7 +442,7 @@ impl Feed for LiveFeed {
             self.board.look(&self.sources, &self.latency);
             let is_over = |sending: &Sending| sending.until.is_some_and(|until| until <= Instant::now());
             if self.pending.is_empty() && (self.sending.as_ref().is_some_and(is_over) || !self.wait()?) {
-                self.end()?;
+                self.end();
             }
             let Some(ready) = self.pending.pop_front() else { continue };
             self.row = ready;
@@ -464,16 +477,14 @@ impl Feed for LiveFeed {
 
 impl Memory for LiveFeed {
     fn remember(&mut self, tape: &mut Tape<'_>) {
-        let mut at = match &self.recording {
-            Some(Recording {
-                recorder: Some(recorder), ..
-            }) => recorder.at(),
-            _ => 0,
-        };
         if !tape.is_reading() {
             // The checkpoint refers to the file.
-            let _ = self.flush();
+            self.write(Recorder::flush);
         }
+        let mut at = self.recording.as_ref().map_or(0, |recording| {
+            let written = recording.recorder.as_ref().map(Recorder::at);
+            written.or(recording.ended_at).unwrap_or(0)
+        });
         at.remember(tape);
         self.base.remember(tape);
         self.pending.remember(tape);
@@ -483,9 +494,62 @@ impl Memory for LiveFeed {
             source.placing.remember(tape);
             source.lately.remember(tape);
             source.number_before.remember(tape);
+            source.last_number.remember(tape);
         }
         if tape.is_reading() && tape.is_sound() {
             self.resumes_at = Some(at);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Mutex;
+
+    /// A disk without room. Writes to it fail on any Linux.
+    const FULL: &str = "/dev/full";
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_disk_without_room_ends_the_record_and_not_the_filter() {
+        let said = Arc::new(Mutex::new(Vec::new()));
+        let hears = said.clone();
+        let say = move |line: &str| hears.lock().unwrap().push(line.to_owned());
+        let speaker = Speaker::new(Some(Arc::new(say))).unwrap();
+        let inbox = Arc::new(Inbox::new(1, Arc::default()));
+        let board = Board::new(None).unwrap();
+        let mut feed = LiveFeed::new(Events::Links(inbox), vec![Vec::new()], Vec::new(), Base::new(None), board, speaker);
+        let disk = std::fs::OpenOptions::new().write(true).open(FULL).unwrap();
+        feed.recording = Some(Recording {
+            path: FULL.into(),
+            recorder: Some(Recorder::of(disk, 7, 0)),
+            ended_at: None,
+            links: vec!["unit".to_owned()],
+            ahead: 0,
+        });
+        let event = Event {
+            link: 0,
+            arrival: 1,
+            what: Happened::Bytes(vec![0; 1 << 16]),
+        };
+        for _ in 0..3 {
+            feed.write(|recorder| recorder.write(&event));
+            feed.write(Recorder::flush);
+        }
+        assert_eq!(
+            feed.recording.as_ref().unwrap().ended_at,
+            Some(7),
+            "no byte is safe after those before"
+        );
+        feed.end();
+        drop(feed);
+        // The thread of the lines ends with the last speaker.
+        let until = Instant::now() + Duration::from_secs(10);
+        while Arc::strong_count(&said) > 1 && Instant::now() < until {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let said = said.lock().unwrap();
+        assert!(said.len() == 1 && said[0].contains("ends here, and the filter runs on"), "{said:?}");
     }
 }

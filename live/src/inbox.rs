@@ -2,6 +2,7 @@
 
 use crate::arrival::ArrivalClock;
 use crate::link::{LinkSpec, Received, Sender};
+use crate::speaker::Speaker;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -163,6 +164,8 @@ pub(crate) struct Open {
     pub(crate) is_read: bool,
     pub(crate) outlet: Outlet,
     pub(crate) counts: Arc<Counts>,
+    pub(crate) name: String,
+    pub(crate) speaker: Speaker,
 }
 
 impl Open {
@@ -250,7 +253,16 @@ impl Open {
         inbox.put(event, self.most, self.spec.waits())
     }
 
+    /// Notes why the link is not open, and says so if that has changed.
     fn trouble(&self, trouble: Option<String>) {
-        *self.counts.trouble.lock().unwrap_or_else(PoisonError::into_inner) = trouble;
+        let mut known = self.counts.trouble.lock().unwrap_or_else(PoisonError::into_inner);
+        if *known != trouble {
+            let (name, peer) = (&self.name, self.spec.peer());
+            self.speaker.say(match &trouble {
+                Some(why) => format!("link `{name}` ({peer}) is not open: {why}. It is tried again"),
+                None => format!("link `{name}` ({peer}) is open"),
+            });
+            *known = trouble;
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::inbox::Outlet;
 use crate::output::{Outgoing, Output};
+use crate::speaker::Speaker;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
@@ -55,9 +56,6 @@ impl Mailbox {
     }
 }
 
-/// Hears a line about an event.
-pub type LineListener = Arc<dyn Fn(&str) + Send + Sync>;
-
 /// An output with its thread.
 pub(crate) struct Leaving {
     pub(crate) name: String,
@@ -66,7 +64,7 @@ pub(crate) struct Leaving {
     pub(crate) mailbox: Arc<Mailbox>,
     /// Without an estimate for this time, a line says so.
     pub(crate) watchdog: Duration,
-    pub(crate) say: LineListener,
+    pub(crate) speaker: Speaker,
 }
 
 impl Leaving {
@@ -81,24 +79,22 @@ impl Leaving {
                 Err(()) => return,
                 Ok(None) => {
                     if !core::mem::replace(&mut is_silent, true) {
-                        (self.say)(&format!("output `{}`: no estimate for {:?}", self.name, self.watchdog));
+                        self.speaker
+                            .say(format!("output `{}`: no estimate for {:?}", self.name, self.watchdog));
                     }
                     continue;
                 }
                 Ok(Some(estimate)) => estimate,
             };
             if core::mem::take(&mut is_silent) {
-                (self.say)(&format!("output `{}`: estimates leave again", self.name));
+                self.speaker.say(format!("output `{}`: estimates leave again", self.name));
             }
             let sent = match &self.outlet {
                 None => self.output.send(&estimate, None),
-                Some(outlet) => {
-                    let mut outlet = outlet.lock().unwrap_or_else(PoisonError::into_inner);
-                    match outlet.as_deref_mut() {
-                        Some(sender) => self.output.send(&estimate, Some(sender)),
-                        None => self.output.send(&estimate, None),
-                    }
-                }
+                Some(outlet) => match outlet.lock().unwrap_or_else(PoisonError::into_inner).as_deref_mut() {
+                    Some(sender) => self.output.send(&estimate, Some(sender)),
+                    None => self.output.send(&estimate, None),
+                },
             };
             let trouble = sent.as_ref().err().map(ToString::to_string);
             let count = if sent.is_ok() { &self.mailbox.sent } else { &self.mailbox.failed };

@@ -30,17 +30,18 @@ mod relation;
 mod resume;
 mod run;
 mod sensors;
+mod speaker;
 mod status;
 mod table;
 
 pub use arrival::ArrivalClock;
 pub use latency::Latency;
-pub use leaving::LineListener;
 pub use link::{Ends, LinkSpec, Received, Receiver, Sender};
 pub use output::{About, Outgoing, Output, OutputSpec, SensorNow};
 pub use relation::Relation;
 pub use run::{Live, LiveOptions};
 pub use sensors::Watch;
+pub use speaker::LineListener;
 pub use status::{LinkStatus, OutputStatus, SourceStatus, Status, StatusListener};
 
 /// Links the blocks into a program; call it once, so that the linker keeps them.

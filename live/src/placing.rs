@@ -36,8 +36,8 @@ impl Base {
         }
     }
 
-    pub(crate) fn restart(&mut self) {
-        self.learnt.restart();
+    pub(crate) fn forget(&mut self) {
+        self.learnt.forget();
     }
 }
 
@@ -102,8 +102,8 @@ impl Placing {
         (self.clock == LinkClock::Related).then_some(&self.relation)
     }
 
-    pub(crate) fn restart(&mut self) {
-        self.relation.restart();
+    pub(crate) fn forget(&mut self) {
+        self.relation.forget();
     }
 }
 

@@ -12,7 +12,7 @@
 
 use crate::inbox::{Event, Happened};
 use std::fs::{File, OpenOptions};
-use std::io::{self, BufReader, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, BufReader, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
@@ -40,6 +40,8 @@ pub(crate) struct Recorder {
     ahead: i64,
     count: u32,
     at: u64,
+    /// The number of bytes that the operating system has.
+    safe: u64,
     body: Vec<u8>,
 }
 
@@ -74,14 +76,20 @@ impl Recorder {
         Ok(recorder)
     }
 
-    fn of(file: File, at: u64, ahead: i64) -> Self {
+    pub(crate) fn of(file: File, at: u64, ahead: i64) -> Self {
         Self {
             file: BufWriter::new(file),
             ahead,
             count: 0,
             at,
+            safe: at,
             body: Vec::new(),
         }
+    }
+
+    /// The number of bytes that survive a kill of the program.
+    pub(crate) const fn safe(&self) -> u64 {
+        self.safe
     }
 
     /// The number of bytes so far.
@@ -145,14 +153,16 @@ impl Recorder {
     /// # Errors
     /// The file cannot be written.
     pub(crate) fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
+        self.file.flush()?;
+        self.safe = self.at;
+        Ok(())
     }
 
     /// Writes the end.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub(crate) fn finish(mut self) -> io::Result<()> {
+    pub(crate) fn finish(&mut self) -> io::Result<()> {
         self.body.clear();
         self.body.extend_from_slice(&0_u32.to_le_bytes());
         self.put(op::DATA_END)?;
@@ -209,11 +219,13 @@ pub(crate) struct Record {
     /// The link of each channel, and whether it is that of its states.
     channels: Vec<(u16, Option<(usize, bool)>)>,
     links: Vec<String>,
+    /// The links of the record.
+    recorded: Vec<String>,
     body: Vec<u8>,
 }
 
 impl Record {
-    /// Opens a record; its links have to be among `links`.
+    /// Opens a record, for these links.
     ///
     /// # Errors
     /// It cannot be read, or is not a record.
@@ -225,6 +237,7 @@ impl Record {
             ahead: 0,
             channels: Vec::new(),
             links: links.to_vec(),
+            recorded: Vec::new(),
             body: Vec::new(),
         };
         let mut magic = [0; MAGIC.len()];
@@ -237,6 +250,21 @@ impl Record {
             ErrorKind::InvalidData,
             format!("{} is not a record of `fusion live`", self.path.display()),
         )
+    }
+
+    /// Refuses a record without one of these links.
+    ///
+    /// # Errors
+    /// It has no such link, or cannot be read.
+    pub(crate) fn needs(&mut self, needed: &[&str]) -> io::Result<()> {
+        // The channels come before the first message.
+        while self.file.fill_buf()?.first().is_some_and(|code| *code != op::MESSAGE) && self.read()?.is_some() {}
+        let Some(missing) = needed.iter().find(|link| !self.recorded.iter().any(|known| known == *link)) else {
+            return Ok(());
+        };
+        let known = self.recorded.join("`, `");
+        let message = format!("the record has no link `{missing}`; it has `{known}`. The links of the design need the names of the record");
+        Err(io::Error::new(ErrorKind::InvalidData, message))
     }
 
     /// Goes to this byte, where a record of the file begins, after the head with the channels has been read.
@@ -291,6 +319,9 @@ impl Record {
         let Some(name) = topic.strip_prefix("/link/") else {
             return Err(self.is_none());
         };
+        if !name.ends_with("/state") {
+            self.recorded.push(name.to_owned());
+        }
         let known = |name: &str| self.links.iter().position(|link| link == name);
         let of_state = name.strip_suffix("/state").and_then(known).map(|link| (link, true));
         let link = of_state.or_else(|| known(name).map(|link| (link, false)));

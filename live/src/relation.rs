@@ -84,7 +84,8 @@ impl Relation {
             self.doubtful.push((stamp, arrival));
             if self.doubtful.len() > CONFIRMED as usize {
                 let points = core::mem::take(&mut self.doubtful);
-                self.restart();
+                self.jumps += 1;
+                self.forget();
                 points.into_iter().for_each(|(stamp, arrival)| self.add(stamp, arrival));
             }
             return;
@@ -93,7 +94,8 @@ impl Relation {
         let excess = (arrival.saturating_sub(stamp) as f64) - self.offset(stamp) as f64;
         let span = self.line_spans(stamp);
         if self.count >= KNOWN && excess < -(JUMP * self.delay + self.most * span) {
-            self.restart();
+            self.jumps += 1;
+            self.forget();
             return self.begin(stamp, arrival);
         }
         self.count = self.count.saturating_add(1);
@@ -106,11 +108,10 @@ impl Relation {
         }
     }
 
-    /// Forgets the relation: a clock has jumped.
-    pub fn restart(&mut self) {
-        let jumps = self.jumps + 1;
+    /// Forgets the relation: one of the clocks is another one from now on.
+    pub fn forget(&mut self) {
         *self = Self {
-            jumps,
+            jumps: self.jumps,
             ..Self::new(self.most)
         };
     }

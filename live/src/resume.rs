@@ -3,7 +3,6 @@
 use crate::decoder::{Decoded, Decoder};
 use fusion::core::memory::{Memory, Tape};
 use fusion::core::time::Time;
-use fusion::rows::Stamp;
 
 /// The first bytes of a link that are kept: the head of a file, with the names of its columns.
 const HEAD: usize = 1 << 14;
@@ -37,7 +36,6 @@ fusion::core::memory!(Last { time, number, values });
 impl Memory for Lately {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         for bytes in [&mut self.head, &mut self.tail] {
-            // Bytes are remembered as text is: one by one, without their values being looked at.
             let mut length = bytes.len();
             length.remember(tape);
             if tape.is_reading() {
@@ -54,8 +52,8 @@ impl Memory for Lately {
 }
 
 impl Lately {
-    /// Adds bytes, and the last row that was decoded of them; its number is that of the whole link.
-    pub(crate) fn add(&mut self, bytes: &[u8], last: Option<Decoded>) {
+    /// Adds bytes.
+    pub(crate) fn add(&mut self, bytes: &[u8]) {
         let room = HEAD.saturating_sub(self.head.len());
         let room = if self.tail.is_empty() && self.left_out == 0 { room } else { 0 };
         let (to_head, rest) = bytes.split_at(room.min(bytes.len()));
@@ -66,15 +64,13 @@ impl Lately {
             self.tail.drain(..old);
             self.left_out += old as u64;
         }
-        if let Some(Decoded { stamp, values }) = last {
-            let Stamp { time, number, .. } = stamp;
-            self.last = Some(Last { time, number, values });
-        }
     }
 
-    /// Forgets them, and returns the number of the last row.
-    pub(crate) fn clear(&mut self) -> Option<u64> {
-        core::mem::take(self).last.map(|last| last.number)
+    /// Notes the last row that was decoded; its number is that of the whole link.
+    pub(crate) fn row(&mut self, row: &Decoded) {
+        let last = self.last.get_or_insert_default();
+        (last.time, last.number) = (row.stamp.time, row.stamp.number);
+        last.values.clone_from(&row.values);
     }
 
     /// Gives them to a reader that has read nothing, and sets the number of the rows that it has not read. Returns

@@ -4,12 +4,12 @@ use crate::arrival::ArrivalClock;
 use crate::decoder::Decoder;
 use crate::feed::{Due, Events, Fed, LiveFeed, Recording, Sending};
 use crate::inbox::{Counts, Inbox, Open, Outlet};
-use crate::leaving::LineListener;
 use crate::leaving::{Leaving, Mailbox};
 use crate::output::About;
 use crate::placing::{Base, Placing};
 use crate::record::Record;
-use crate::sensors::Watch;
+use crate::sensors::{Sensors, Watch};
+use crate::speaker::{LineListener, Speaker};
 use crate::status::{Board, StatusListener};
 use crate::table::{LinkDesign, Tables};
 use fusion::assembly::Assembly;
@@ -30,6 +30,8 @@ use std::time::{Duration, Instant};
 
 /// The interval of an output's watchdog, in intervals of its estimates.
 const WATCHDOG: f64 = 10.0;
+/// A longer interval between two estimates is shortened to this: the monotonic clock has to reach its end.
+const RAREST: Duration = Duration::from_secs(86_400);
 /// Bytes of a link that may wait for the filter, if the design does not declare them.
 const MOST_WAITING: u64 = 4 << 20;
 
@@ -61,7 +63,7 @@ impl core::fmt::Debug for LiveOptions {
     }
 }
 
-/// A message that no system call will be retried for.
+/// A failure of the operating system, which ends the run.
 fn cannot(what: &str, error: &std::io::Error) -> Diagnostics {
     Diagnostic::error(format!("{what}: {error}")).into()
 }
@@ -107,16 +109,22 @@ impl Live {
         (maker, watch)
     }
 
-    /// The feed of a record, with the same rows as the live run.
+    /// The feed of a record, with the same rows as the live run. `say` hears lines about events.
     #[must_use]
-    pub fn replay(self, record: &Path) -> FeedMaker {
+    pub fn replay(self, record: &Path, say: Option<LineListener>) -> FeedMaker {
         let path = record.to_owned();
         FeedMaker::new(move |_, assembly| {
-            let names: Vec<String> = self.tables.links.iter().map(|link| link.name.clone()).collect();
-            let record = Record::open(&path, &names).map_err(|error| cannot(&format!("{}", path.display()), &error))?;
+            let links = || self.tables.links.iter();
+            let names: Vec<String> = links().map(|link| link.name.clone()).collect();
+            let needed = links().filter(|link| !link.common.sources.is_empty());
+            let needed: Vec<&str> = needed.map(|link| link.name.as_str()).collect();
+            let unreadable = |error| cannot(&path.display().to_string(), &error);
+            let mut record = Record::open(&path, &names).map_err(unreadable)?;
+            record.needs(&needed).map_err(unreadable)?;
             let (sources, of_links) = self.sources(assembly)?;
             let board = Board::new(None).map_err(|error| cannot("no thread for the status", &error))?;
-            let feed = LiveFeed::new(Events::Record(record), of_links, sources, self.base(), board);
+            let speaker = Speaker::new(say.clone()).map_err(|error| cannot("no thread for lines", &error))?;
+            let feed = LiveFeed::new(Events::Record(record), of_links, sources, self.base(), board, speaker);
             Ok(Box::new(feed))
         })
     }
@@ -163,6 +171,7 @@ impl Live {
                     placing: Placing::new(link.common.clock, link.common.drift.map(|drift| drift.si())),
                     lately: Default::default(),
                     number_before: 0,
+                    last_number: 0,
                 });
             }
             of_links.push((first..sources.len()).collect());
@@ -170,7 +179,7 @@ impl Live {
         Ok((sources, of_links))
     }
 
-    fn open(self, assembly: &Assembly, options: LiveOptions, sensors: crate::sensors::Sensors) -> Result<Box<dyn Feed>, Diagnostics> {
+    fn open(self, assembly: &Assembly, options: LiveOptions, sensors: Sensors) -> Result<Box<dyn Feed>, Diagnostics> {
         let clock = ArrivalClock::start();
         let (sources, of_links) = self.sources(assembly)?;
         let base = self.base();
@@ -187,7 +196,7 @@ impl Live {
                 .outermost()
                 .map_or_else(Vec::new, |own| own.sensors.iter().map(|s| s.name.clone()).collect()),
         };
-        let say = options.say.unwrap_or_else(|| Arc::new(|_: &str| {}));
+        let speaker = Speaker::new(options.say).map_err(|error| cannot("no thread for lines", &error))?;
         let outlets: Vec<Outlet> = self.tables.links.iter().map(|_| Outlet::default()).collect();
         let links: Vec<String> = self.tables.links.iter().map(|link| link.name.clone()).collect();
         let mut due = Vec::new();
@@ -203,14 +212,14 @@ impl Live {
                 output: opened,
                 outlet: number.map(|number| outlets[number].clone()),
                 mailbox: mailbox.clone(),
-                watchdog: Duration::try_from_secs_f64(watchdog).unwrap_or(Duration::MAX),
-                say: say.clone(),
+                watchdog: Duration::try_from_secs_f64(watchdog).map_or(RAREST, |watchdog| watchdog.min(RAREST)),
+                speaker: speaker.clone(),
             };
             leaving.start().map_err(|error| cannot("no thread for an output", &error))?;
             board.outputs.push((output.name.clone(), mailbox.clone()));
             due.push(Due {
                 mailbox,
-                every: Duration::try_from_secs_f64(every).unwrap_or(Duration::MAX),
+                every: Duration::try_from_secs_f64(every).map_or(RAREST, |every| every.min(RAREST)),
                 next: Instant::now(),
                 count: 0,
             });
@@ -225,22 +234,26 @@ impl Live {
                 is_read: !of_links[number].is_empty(),
                 outlet,
                 counts,
+                name: link.name,
+                speaker: speaker.clone(),
             };
             open.start(inbox.clone(), clock)
                 .map_err(|error| cannot("no thread for a link", &error))?;
         }
-        let mut feed = LiveFeed::new(Events::Links(inbox), of_links, sources, base, board);
+        let mut feed = LiveFeed::new(Events::Links(inbox), of_links, sources, base, board, speaker);
         feed.sending = Some(Sending {
             outputs: due,
             sensors,
             names,
             time_zero,
             clock,
-            until: options.duration.map(|duration| Instant::now() + duration),
+            // A length beyond the clock has no end.
+            until: options.duration.and_then(|duration| Instant::now().checked_add(duration)),
         });
         feed.recording = options.record.map(|path| Recording {
             path,
             recorder: None,
+            ended_at: None,
             links,
             ahead: clock.ahead_of_unix(),
         });

@@ -113,8 +113,33 @@ fn block<C: DeserializeOwned, T: ?Sized>(
 where
     Box<T>: DeserializeOwned,
 {
+    if let Some(absent) = absent(node, registered) {
+        d.push(absent);
+        return None;
+    }
     let mut own = node.clone();
     let common: Option<C> = own.split_off(keys).read(d);
     let spec = own.read_block::<T>(role, &registry::names(registered), d)?;
     Some((common?, spec))
+}
+
+/// Types that are features of the command, for messages: a program without the feature knows only their names.
+const FEATURES: [(Role, &str); 5] = [
+    (Role::Link, "serial"),
+    (Role::Link, "ros2"),
+    (Role::Output, "ros2"),
+    (Role::Output, "foxglove"),
+    (Role::Output, "mavlink"),
+];
+
+/// That this program is built without the type of a block.
+fn absent(node: &Node, role: Role) -> Option<Diagnostic> {
+    let named = node.get("type")?;
+    let name = named.as_str()?;
+    let is_absent = FEATURES.contains(&(role, name)) && !registry::names(role).contains(&name);
+    is_absent.then(|| {
+        let message = format!("this program is built without the {} `{name}`", role.name());
+        let help = format!("build it with the feature: `cargo build --release --features {name}`");
+        Diagnostic::error(message).at(named.place()).help(help)
+    })
 }

@@ -71,9 +71,9 @@ pub(super) fn live(args: &LiveArgs) -> Result<(), Failure> {
     args.output.print(&page(&summary, &options, args.verbose, args.output.format))
 }
 
-/// The feed of a record.
+/// The feed of a record. Its estimates are compared with the reference of the design.
 pub(super) fn replay(design: &Design, record: &Path) -> Result<FeedMaker, Diagnostics> {
-    Ok(Live::of(design)?.replay(record))
+    Ok(Live::of(design)?.replay(record, Some(Arc::new(report_line))).scored())
 }
 
 /// A line for each link, source and output.

@@ -66,7 +66,7 @@ fn accept(listener: &TcpListener) -> TcpStream {
     loop {
         match listener.accept() {
             Ok((stream, _)) => return stream,
-            Err(error) => assert!(Instant::now() < until, "nobody connects: {error}"),
+            Err(error) => assert!(Instant::now() < until, "no program connects: {error}"),
         }
         std::thread::sleep(Duration::from_millis(5));
     }
@@ -181,6 +181,31 @@ fn a_record_gives_the_estimates_of_the_live_run_to_the_bit_and_estimates_leave_a
     let summary: serde_json::Value = serde_json::from_str(&fs::read_to_string(w.path("again/summary.json")).unwrap()).unwrap();
     assert_eq!(summary["sources"][0]["used"], 3000, "{}", summary["sources"]);
     assert_eq!(summary["sources"][1]["used"], 60, "{}", summary["sources"]);
+
+    // A log of the same drive is the reference of the record: here the rows that were sent.
+    let truth: String = (0..60).map(|k| gnss(f64::from(k) * 0.5)).collect();
+    fs::write(w.path("truth.csv"), format!("t,lat,lon,h\n{truth}")).unwrap();
+    let text = fs::read_to_string(w.path("live.toml")).unwrap();
+    let truth = text
+        .split("[source.gnss]")
+        .nth(1)
+        .unwrap()
+        .split("\n\n")
+        .next()
+        .unwrap()
+        .replace("gnss.csv", "truth.csv");
+    fs::write(
+        w.path("scored.toml"),
+        format!("{text}\n[source.truth]{truth}\n\n[reference]\nsource = \"truth\"\n"),
+    )
+    .unwrap();
+    w.fusion(&["run", "scored.toml", "--replay", "in.mcap", "--out", "scored"])
+        .success();
+    assert_same_results(&w, "live", "scored");
+    let summary: serde_json::Value = serde_json::from_str(&fs::read_to_string(w.path("scored/summary.json")).unwrap()).unwrap();
+    // Truth is what the receiver said, with a noise of 1 m by axis.
+    let rms = summary["score"]["horizontal_rms"].as_f64();
+    assert!(rms.is_some_and(|rms| rms < 1.0), "{}", summary["score"]);
 }
 
 #[test]
@@ -233,6 +258,39 @@ fn a_record_is_not_overwritten_and_a_wrong_file_is_no_record() {
     assert_eq!(fs::read_to_string(w.path("in.mcap")).unwrap(), "kept");
     let told = stderr(&w.fusion(&["run", "live.toml", "--replay", "in.mcap"]).failure());
     assert!(told.contains("in.mcap is not a record of `fusion live`"), "{told}");
+}
+
+#[test]
+fn a_record_of_other_links_is_refused_and_its_links_are_named() {
+    let w = Workspace::new("live-other-links");
+    let text = design(free_port(), free_port(), free_port());
+    fs::write(w.path("live.toml"), &text).unwrap();
+    w.fusion(&["live", "live.toml", "--record", "in.mcap", "--for", "0.2 s"]).success();
+    fs::write(w.path("other.toml"), text.replace("[link.receiver]", "[link.gnss]")).unwrap();
+    let told = stderr(&w.fusion(&["run", "other.toml", "--replay", "in.mcap"]).failure());
+    assert!(
+        told.contains("no link `gnss`; it has `unit`, `receiver`") || told.contains("no link `gnss`; it has `receiver`, `unit`"),
+        "{told}"
+    );
+}
+
+#[test]
+fn mistakes_in_the_tables_of_links_are_shown_at_their_place() {
+    let w = Workspace::new("live-mistakes");
+    let text = design(free_port(), free_port(), free_port());
+    for (old, new, expected) in [
+        ("type = \"tcp\"", "type = \"ros2\"", "built without the link `ros2`"),
+        ("type = \"tcp\"", "type = \"tpc\"", "did you mean `tcp`"),
+        ("connect = ", "# connect = ", "either `connect` or `listen`"),
+        ("rate = \"50 Hz\"", "rate = \"50 Hz\"\nwatchdog = \"0 s\"", "greater than 0"),
+        ("rate = \"50 Hz\"", "rate = \"0 Hz\"", "greater than 0"),
+    ] {
+        let wrong = text.replacen(old, new, 1);
+        assert_ne!(wrong, text, "{old}");
+        fs::write(w.path("live.toml"), wrong).unwrap();
+        let told = stderr(&w.fusion(&["live", "live.toml", "--for", "1 s"]).code(2));
+        assert!(told.contains(expected) && told.contains("--> live.toml:"), "{new}: {told}");
+    }
 }
 
 /// A design with four sources: a unit, a receiver by TCP, its velocity, and a compass.
@@ -417,4 +475,34 @@ fn soak_for_a_long_time() {
         .and_then(|text| text.parse().ok())
         .unwrap_or(1_u64);
     soak("live-long", Duration::from_secs(60 * minutes), Duration::from_secs(60));
+}
+
+#[test]
+fn the_book_lists_the_registered_links_and_outputs_and_no_others() {
+    fusion_live::link_blocks();
+    let live = include_str!("../../book/src/live.md");
+    for (role, heading) in [
+        (fusion::models::registry::Role::Link, "## Links"),
+        (fusion::models::registry::Role::Output, "## Outputs"),
+    ] {
+        let (_, section) = live.split_once(heading).unwrap();
+        let (section, _) = section.split_once("\n## ").unwrap();
+        let rows = section
+            .lines()
+            .filter_map(|line| line.strip_prefix("| `"))
+            .filter(|row| !row.starts_with("type`"));
+        let listed: Vec<(&str, &str)> = rows.map(|row| row.split_once('`').unwrap()).collect();
+        let registered = fusion::models::registry::names(role);
+        for name in &registered {
+            assert!(
+                listed.iter().any(|(listed, _)| listed == name),
+                "no row of the {} {name}",
+                role.name()
+            );
+        }
+        for (name, row) in listed {
+            let is_off = row.contains(&format!("feature `{name}`")) && !registered.contains(&name);
+            assert!(is_off || registered.contains(&name), "{} {name}", role.name());
+        }
+    }
 }

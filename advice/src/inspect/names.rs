@@ -184,7 +184,7 @@ impl<'a> Finder<'a> {
             if *kind == Kind::Speed && has(Kind::BodyVelocity) {
                 continue;
             }
-            // In a plane, the variance along up is zero: that across stands for it.
+            // In a plane, the variance along up is zero, so that across is used for it.
             if let (Kind::PositionSigma, [_, across, up]) = (*kind, &mut columns[..])
                 && is_zero(up)
             {

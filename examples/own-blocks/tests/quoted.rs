@@ -53,7 +53,8 @@ fn the_book_quotes_a_diagnostic_as_it_is_printed() {
 #[test]
 fn the_book_lists_the_registered_blocks_and_no_others() {
     fusion::models::link();
-    for role in Role::ALL {
+    // The chapter about live links lists links and outputs.
+    for role in Role::ALL.into_iter().filter(|role| !matches!(role, Role::Link | Role::Output)) {
         let start = format!("| {} |", role.name());
         let row = DESIGNS
             .lines()

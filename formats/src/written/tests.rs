@@ -63,7 +63,7 @@ fn a_record_of_sbet_has_its_fields_in_their_order() {
         // The angles go through a quaternion: a few ε.
         assert!((found - wanted).abs() < 1e-15, "{record:?}");
     }
-    // Without a date: the time of the log. What is not estimated is NaN, and without a position there is no record.
+    // Without a date, the time is that of the log. A value that is not estimated is NaN. A record needs a position.
     let bare = Solution {
         velocity: None,
         attitude: None,

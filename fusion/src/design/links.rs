@@ -1,6 +1,6 @@
 //! The fields that all links and outputs share. The crate of live links reads the tables.
 
-use fusion_models::units::{Duration, Positive, dim};
+use fusion_models::units::{Positive, dim};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -41,5 +41,5 @@ pub struct OutputCommon {
     /// How many estimates leave in a second.
     pub rate: Positive<dim::Frequency>,
     /// If no estimate left within this time, a line says so. Ten intervals by default.
-    pub watchdog: Option<Duration>,
+    pub watchdog: Option<Positive<dim::Duration>>,
 }

@@ -6,7 +6,7 @@ use fusion_core::time::Time;
 /// Examples kept per reason.
 const EXAMPLES: usize = 3;
 
-/// The reason of a row that stands for the damage of its file. Its example is the damage in words.
+/// The reason of a row that reports damage of its file. Its example is the damage in words.
 pub(crate) const DAMAGED: &str = "the file is damaged";
 
 /// A row that was left out.

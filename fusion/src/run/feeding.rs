@@ -8,20 +8,36 @@ use core::fmt;
 use std::sync::Arc;
 
 /// Makes the feed of a run, for rows that come from somewhere else than the design's sources or simulated world: from
-/// live links, or from another program. The run has no reference then.
+/// live links, or from another program. Without [`FeedMaker::scored`], the run has no reference then.
 #[derive(Clone)]
-pub struct FeedMaker(Arc<Make>);
+pub struct FeedMaker {
+    make: Arc<Make>,
+    is_scored: bool,
+}
 
 type Make = dyn Fn(&Design, &Assembly) -> Result<Box<dyn Feed>, Diagnostics> + Send + Sync;
 
 impl FeedMaker {
     /// A feed that `make` opens once for a run.
     pub fn new(make: impl Fn(&Design, &Assembly) -> Result<Box<dyn Feed>, Diagnostics> + Send + Sync + 'static) -> Self {
-        Self(Arc::new(make))
+        Self {
+            make: Arc::new(make),
+            is_scored: false,
+        }
+    }
+
+    /// The same feed; its estimates are compared with the recorded reference of the design, if there is one.
+    #[must_use]
+    pub fn scored(self) -> Self {
+        Self { is_scored: true, ..self }
+    }
+
+    pub(super) const fn is_scored(&self) -> bool {
+        self.is_scored
     }
 
     pub(super) fn make(&self, design: &Design, assembly: &Assembly) -> Result<Box<dyn Feed>, Diagnostics> {
-        (self.0)(design, assembly)
+        (self.make)(design, assembly)
     }
 }
 

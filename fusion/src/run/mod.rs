@@ -313,8 +313,13 @@ impl RunData {
     /// Opens the recorded sources of a design, or makes its simulated world.
     fn open(design: &Design, assembly: &Assembly, options: &Options, course: Option<&SharedCourse>) -> Result<Self, Diagnostics> {
         if let Some(feed) = &options.feed {
+            let reference = if feed.is_scored() && design.simulation.is_none() {
+                recorded::reference(design, options)?
+            } else {
+                Reference::None
+            };
             return Ok(Self {
-                reference: Reference::None,
+                reference,
                 rows: feed.make(design, assembly)?,
             });
         }

@@ -1,6 +1,6 @@
 //! The recorded sources of a design, opened as the feed of a run.
 
-use super::reference::{Reference, check};
+use super::reference::{Reference, Scored, check};
 use super::{Options, RunData, data_dir};
 use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics, Node};
@@ -42,15 +42,10 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
         return Err(Diagnostic::error("this design has no data to run on").at(place).help(help).into());
     }
     let unread = Unread::default();
-    let opened = open_all(design, options, &unread)?;
+    let opened = open_all(design, options, &unread, |_| true)?;
     let (mut sources, mut origins) = (Vec::new(), Vec::new());
     let (mut reference, mut reference_statistics) = (Reference::None, Vec::new());
-    let wanted = design
-        .reference
-        .as_ref()
-        .map(|r| check(r, &design.sources))
-        .transpose()?
-        .unwrap_or_default();
+    let wanted = scored(design)?;
     for (named, mut source) in opened {
         if let Some(scored) = wanted.iter().find(|scored| scored.name() == named.name) {
             reference.add(scored, source.as_mut())?;
@@ -76,13 +71,37 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
     })
 }
 
+/// The reference of a design alone, for rows that come from elsewhere.
+pub(super) fn reference(design: &Design, options: &Options) -> Result<Reference, Diagnostics> {
+    let wanted = scored(design)?;
+    let of = |name: &str| wanted.iter().find(|scored| scored.name() == name);
+    let mut reference = Reference::None;
+    for (named, mut source) in open_all(design, options, &Unread::default(), |name| of(name).is_some())? {
+        if let Some(scored) = of(&named.name) {
+            reference.add(scored, source.as_mut())?;
+        }
+    }
+    Ok(reference)
+}
+
+/// What the reference of a design compares with.
+fn scored(design: &Design) -> Result<Vec<Scored>, Diagnostics> {
+    let checked = design.reference.as_ref().map(|r| check(r, &design.sources));
+    Ok(checked.transpose()?.unwrap_or_default())
+}
+
 type Opened<'a> = (&'a Named<SourceDesign>, Box<dyn RowStream>);
 
-/// All sources with their faults, or all of their mistakes.
-fn open_all<'a>(design: &'a Design, options: &Options, unread: &Unread) -> Result<Vec<Opened<'a>>, Diagnostics> {
+/// All wanted sources with their faults, or all of their mistakes.
+fn open_all<'a>(
+    design: &'a Design,
+    options: &Options,
+    unread: &Unread,
+    is_wanted: impl Fn(&str) -> bool,
+) -> Result<Vec<Opened<'a>>, Diagnostics> {
     let (mut d, mut opened) = (Diagnostics::new(), Vec::new());
     let (data_dir, shared) = (data_dir(design, options), SharedReaders::default());
-    for named in &design.sources {
+    for named in design.sources.iter().filter(|named| is_wanted(&named.name)) {
         let context = OpenContext {
             data_dir: data_dir.clone(),
             name: named.name.clone(),

@@ -13,9 +13,15 @@ use std::time::{Duration, Instant};
 const LOOK: Duration = Duration::from_millis(5);
 
 /// A file that another program writes while it is read. If the file becomes shorter or is replaced, it is read anew.
+#[derive(Debug, Deserialize)]
+#[serde(try_from = "FileTable")]
+pub struct FileSpec(FileTable);
+
+/// A file that another program writes while it is read. If the file becomes shorter or is replaced, it is read anew. Paths
+/// start at the working directory.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct FileSpec {
+struct FileTable {
     /// The file that is read.
     path: Option<PathBuf>,
     /// Reads only what is added from now on. Without it, the file is read from its beginning.
@@ -25,15 +31,26 @@ pub struct FileSpec {
     append_to: Option<PathBuf>,
 }
 
-register! { Link, "file", FileSpec, r#"path = "receiver.nmea""# }
+impl TryFrom<FileTable> for FileSpec {
+    type Error = &'static str;
+
+    fn try_from(table: FileTable) -> Result<Self, Self::Error> {
+        if table.path.is_none() && table.append_to.is_none() {
+            return Err("a link of the type `file` has `path`, `append_to` or both");
+        }
+        Ok(Self(table))
+    }
+}
+
+register! { Link, "file", FileTable, r#"path = "receiver.nmea""# }
 
 #[typetag::deserialize(name = "file")]
 impl LinkSpec for FileSpec {
     fn open(&self) -> io::Result<Ends> {
         let append = |path: &PathBuf| OpenOptions::new().append(true).create(true).open(path);
-        let sender = self.append_to.as_ref().map(append).transpose()?;
-        let receiver: Box<dyn Receiver> = match &self.path {
-            Some(path) => Box::new(Growing::open(path, self.only_new)?),
+        let sender = self.0.append_to.as_ref().map(append).transpose()?;
+        let receiver: Box<dyn Receiver> = match &self.0.path {
+            Some(path) => Box::new(Growing::open(path, self.0.only_new)?),
             None => Box::new(Silent),
         };
         Ok(Ends {
@@ -47,8 +64,8 @@ impl LinkSpec for FileSpec {
     }
 
     fn peer(&self) -> String {
-        let path = self.path.as_ref().or(self.append_to.as_ref());
-        path.map_or_else(|| "no file".to_owned(), |path| path.display().to_string())
+        let path = self.0.path.iter().chain(&self.0.append_to).next();
+        path.map_or_else(String::new, |path| path.display().to_string())
     }
 }
 

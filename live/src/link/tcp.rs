@@ -17,35 +17,52 @@ const STUCK: Duration = Duration::from_secs(2);
 const LOOK: Duration = Duration::from_millis(5);
 
 /// A connection of TCP, to a server or as a server for one peer at a time.
+#[derive(Debug, Deserialize)]
+#[serde(try_from = "TcpTable")]
+pub enum TcpSpec {
+    /// To this server.
+    Connect(String),
+    /// As a server at this address.
+    Listen(SocketAddr),
+}
+
+/// A connection of TCP, to a server or as a server for one peer at a time. It has either `connect` or `listen`.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct TcpSpec {
+struct TcpTable {
     /// The server to connect to, such as `"192.168.1.20:9001"`.
     connect: Option<String>,
     /// The own address and port as a server, such as `"0.0.0.0:9001"`. A new peer replaces the one before.
     listen: Option<SocketAddr>,
 }
 
-register! { Link, "tcp", TcpSpec, r#"connect = "127.0.0.1:9001""# }
+impl TryFrom<TcpTable> for TcpSpec {
+    type Error = &'static str;
+
+    fn try_from(table: TcpTable) -> Result<Self, Self::Error> {
+        match (table.connect, table.listen) {
+            (Some(server), None) => Ok(Self::Connect(server)),
+            (None, Some(own)) => Ok(Self::Listen(own)),
+            _ => Err("a link of the type `tcp` has either `connect` or `listen`"),
+        }
+    }
+}
+
+register! { Link, "tcp", TcpTable, r#"connect = "127.0.0.1:9001""# }
 
 #[typetag::deserialize(name = "tcp")]
 impl LinkSpec for TcpSpec {
     fn open(&self) -> io::Result<Ends> {
-        match (&self.connect, self.listen) {
-            (Some(server), None) => connected(server),
-            (None, Some(own)) => listening(own),
-            _ => Err(io::Error::new(
-                ErrorKind::InvalidInput,
-                "a link of the type `tcp` has either `connect` or `listen`",
-            )),
+        match self {
+            Self::Connect(server) => connected(server),
+            Self::Listen(own) => listening(*own),
         }
     }
 
     fn peer(&self) -> String {
-        match (&self.connect, self.listen) {
-            (Some(server), _) => format!("tcp {server}"),
-            (None, Some(own)) => format!("tcp {own}"),
-            (None, None) => "tcp".to_owned(),
+        match self {
+            Self::Connect(server) => format!("tcp {server}"),
+            Self::Listen(own) => format!("tcp {own}"),
         }
     }
 }
