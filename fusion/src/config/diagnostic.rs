@@ -59,6 +59,21 @@ impl Place {
         }
     }
 
+    /// The name of its file, and where known its line and column, from 1. The column counts characters.
+    #[must_use]
+    pub fn position(&self) -> (Option<&str>, Option<usize>, Option<usize>) {
+        match self {
+            Self::Nowhere => (None, None, None),
+            Self::File { path, line } => (Some(path), *line, None),
+            Self::Text { source, span } => {
+                let before = source.text.get(..span.start).unwrap_or_default();
+                let line = before.rsplit('\n').next().unwrap_or_default();
+                let number = 1 + before.matches('\n').count();
+                (Some(&source.name), Some(number), Some(1 + line.chars().count()))
+            }
+        }
+    }
+
     /// The text that it is part of.
     pub(super) fn source(&self) -> Option<&Source> {
         match self {

@@ -108,6 +108,18 @@ impl Document {
         d.unless_errors(document)
     }
 
+    /// A text, which diagnostics call `design.toml`, with the parts that it includes: their paths start at `folder`.
+    ///
+    /// # Errors
+    /// That a part cannot be read, or mistakes of the syntax.
+    pub fn read_in(folder: &Path, text: &str) -> Result<Self, Diagnostics> {
+        let (mut document, mistakes) = Self::parse("design.toml", text);
+        let mut d = Diagnostics::new();
+        d.extend(mistakes);
+        d.extend(document.compose(&folder.join("design.toml"), Files::Disk));
+        d.unless_errors(document)
+    }
+
     /// Puts the included files under the document. `file` is the file of the document; paths start in its
     /// folder.
     ///

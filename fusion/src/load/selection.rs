@@ -39,7 +39,19 @@ impl Selection {
     /// # Errors
     /// Every mistake, each with its place.
     pub fn load(&self, path: impl AsRef<Path>) -> Result<Design, Diagnostics> {
-        let (document, mut d) = self.over(&Document::load(path.as_ref())?);
+        self.design(&Document::load(path.as_ref())?)
+    }
+
+    /// The design of a text, which diagnostics call `design.toml`; the paths of what it includes start at `folder`.
+    ///
+    /// # Errors
+    /// Every mistake, each with its place.
+    pub fn read(&self, folder: impl AsRef<Path>, text: &str) -> Result<Design, Diagnostics> {
+        self.design(&Document::read_in(folder.as_ref(), text)?)
+    }
+
+    fn design(&self, file: &Document) -> Result<Design, Diagnostics> {
+        let (document, mut d) = self.over(file);
         match build(document) {
             Ok(design) => d.unless_errors(design),
             Err(more) => {

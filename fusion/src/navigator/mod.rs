@@ -6,7 +6,8 @@ pub use error::FeedError;
 
 use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
 use crate::checkpoint::{self, CheckpointError, Of};
-use crate::config::{Diagnostics, Document, Files};
+use crate::config::{Diagnostics, Document};
+use crate::design::Design;
 use crate::health::{Health, NamedReason, Names};
 use crate::load::build;
 use crate::observe::Filters;
@@ -103,12 +104,7 @@ impl Navigator {
     /// # Errors
     /// Every mistake, each with its place.
     pub fn from_toml_in(folder: impl AsRef<Path>, text: &str) -> Result<Self, Diagnostics> {
-        let file = folder.as_ref().join("design.toml");
-        let (mut document, mistakes) = Document::parse("design.toml", text);
-        let mut d = Diagnostics::new();
-        d.extend(mistakes);
-        d.extend(document.compose(&file, Files::Disk));
-        Self::from_document(d.unless_errors(document)?)
+        Self::from_document(Document::read_in(folder.as_ref(), text)?)
     }
 
     /// From the text of a design, which diagnostics call `name`; it includes nothing.
@@ -123,9 +119,16 @@ impl Navigator {
     }
 
     fn from_document(document: Document) -> Result<Self, Diagnostics> {
-        let design = build(document)?;
-        let streams = declared_streams(&design)?;
-        Ok(Self::from_assembly(assemble(&design, streams)?))
+        Self::of(&build(document)?)
+    }
+
+    /// From a design, such as one of a [`Selection`](crate::Selection).
+    ///
+    /// # Errors
+    /// The mistakes of assembling it.
+    pub fn of(design: &Design) -> Result<Self, Diagnostics> {
+        let streams = declared_streams(design)?;
+        Ok(Self::from_assembly(assemble(design, streams)?))
     }
 
     /// From a design that has been assembled.

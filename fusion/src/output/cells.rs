@@ -1,6 +1,6 @@
 //! A table of text, written cell by cell.
 
-use super::decimal;
+use super::{Digits, EstimateCells, decimal};
 use core::fmt::Display;
 use std::io::{self, Write};
 
@@ -128,6 +128,17 @@ impl<W: Write> Cells<W> {
     pub(crate) fn finish(mut self) -> io::Result<W> {
         self.flush()?;
         Ok(self.out)
+    }
+}
+
+impl<W: Write> EstimateCells for Cells<W> {
+    fn number(&mut self, value: f64, digits: Digits) {
+        self.begin();
+        digits.write(value, &mut self.text);
+    }
+
+    fn empty(&mut self, cells: usize) {
+        Self::empty(self, cells);
     }
 }
 

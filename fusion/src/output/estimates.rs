@@ -1,6 +1,6 @@
 //! estimates.csv.
 
-use super::Cells;
+use super::{Cells, decimal};
 use crate::solution::{Solution, sigmas};
 use fusion_core::belief::Belief;
 use fusion_core::geometry::so3;
@@ -91,21 +91,168 @@ impl Origin {
     }
 }
 
-/// Writes estimates.csv: time, solution, its 1σ, then every further state with its 1σ, in SI.
+/// How a text shows the number of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Digits {
+    /// With this number of decimals.
+    Fixed(usize),
+    /// The same, in degrees: the number is in radians.
+    Degrees(usize),
+    /// In degrees, with one digit before the point, this number of decimals, and an exponent of ten.
+    ScientificDegrees(usize),
+    /// With one digit before the point, this number of decimals, and an exponent of ten.
+    Scientific(usize),
+}
+
+impl Digits {
+    /// The number that a text has for `value`; NaN if the text has none.
+    #[must_use]
+    pub fn rounded(self, value: f64) -> f64 {
+        let mut text = Vec::new();
+        self.write(value, &mut text);
+        let parsed = core::str::from_utf8(&text).ok().and_then(|text| text.parse().ok());
+        parsed.unwrap_or(f64::NAN)
+    }
+
+    pub(super) fn write(self, value: f64, text: &mut Vec<u8>) {
+        match self {
+            Self::Fixed(decimals) => decimal::fixed(text, value, decimals),
+            Self::Degrees(decimals) => decimal::fixed(text, value.to_degrees(), decimals),
+            Self::ScientificDegrees(decimals) => decimal::scientific(text, value.to_degrees(), decimals),
+            Self::Scientific(decimals) => decimal::scientific(text, value, decimals),
+        }
+    }
+}
+
+/// Takes the cells of a row, one after the other.
+pub trait EstimateCells {
+    /// A number in SI, an angle in radians, and how a text shows it.
+    fn number(&mut self, value: f64, digits: Digits);
+
+    /// This number of cells without a value.
+    fn empty(&mut self, cells: usize);
+}
+
+/// The columns of estimates.csv: time, solution, its 1σ, then every further state with its 1σ.
 ///
 /// A row is the estimate of an epoch after every measurement that is valid at that time was used:
 /// where a fix is used, its 1σ is that of the posterior.
+#[derive(Clone, Debug)]
+pub struct EstimateColumns {
+    origin: Origin,
+    further: Vec<Block>,
+}
+
+/// The origin may be the first place.
+impl Memory for EstimateColumns {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.origin.remember(tape);
+    }
+}
+
+impl EstimateColumns {
+    /// The columns for the states of a layout.
+    #[must_use]
+    pub fn new(layout: &Layout, origin: Origin) -> Self {
+        let blocks = layout.blocks().iter();
+        let further = blocks.filter(|b| !SHOWN.contains(&b.name.as_str())).cloned().collect();
+        Self { origin, further }
+    }
+
+    /// Their names, in order.
+    #[must_use]
+    pub fn names(&self) -> Vec<String> {
+        let mut names = vec!["t_s".to_owned()];
+        names.extend(SOLUTION.map(str::to_owned));
+        names.extend(SOLUTION.map(|name| format!("sigma_{name}")));
+        for block in &self.further {
+            names.extend(values(block.kind).into_iter().map(|axis| format!("{}{axis}", block.name)));
+            let sigmas = sigmas_of(block.kind).into_iter();
+            names.extend(sigmas.map(|axis| format!("sigma_{}{axis}", block.name)));
+        }
+        names
+    }
+
+    /// The states behind the solution: the name of each, its number of values and its number of 1σ.
+    pub fn further(&self) -> impl Iterator<Item = (&str, usize, usize)> {
+        let counted = |block: &Block| (values(block.kind).len(), sigmas_of(block.kind).len());
+        self.further.iter().map(move |block| {
+            let (values, sigmas) = counted(block);
+            (block.name.as_str(), values, sigmas)
+        })
+    }
+
+    /// Passes the cells of one row.
+    pub fn write(&self, s: &Solution, belief: &Belief, to: &mut impl EstimateCells) {
+        to.number(s.time.seconds(), Digits::Fixed(6));
+        self.position(s, to);
+        let velocity = s.velocity.as_ref().map(|(v, _)| v);
+        let rpy = s.rpy();
+        axes(velocity, Digits::Fixed(5), to);
+        axes(rpy.as_ref().map(|(rpy, _)| rpy), Digits::Degrees(6), to);
+        position_sigma(s, to);
+        axes(s.velocity.as_ref().map(|(_, p)| sigmas(p)).as_ref(), Digits::Fixed(6), to);
+        axes(rpy.as_ref().map(|(_, spread)| spread), Digits::Degrees(6), to);
+        self.states(belief, to);
+    }
+
+    /// Latitude, longitude, height, then metres from the origin.
+    fn position(&self, s: &Solution, to: &mut impl EstimateCells) {
+        let Some((place, _)) = s.position else {
+            return to.empty(6);
+        };
+        to.number(place.lat, Digits::Degrees(10));
+        to.number(place.lon, Digits::Degrees(10));
+        to.number(place.height, Digits::Fixed(4));
+        axes(Some(&self.origin.to_ned(&place)), Digits::Fixed(4), to);
+    }
+
+    /// The states that the solution does not show, each with its 1σ.
+    fn states(&self, belief: &Belief, to: &mut impl EstimateCells) {
+        for block in &self.further {
+            let values = &belief.x[block.storage_range()];
+            if block.kind == Kind::Attitude {
+                axes(Some(&so3::to_rpy(&Attitude::read(values))), Digits::Scientific(8), to);
+            } else {
+                values.iter().for_each(|value| to.number(*value, Digits::Scientific(8)));
+            }
+            for sigma in belief.covariance.sigmas(block) {
+                to.number(sigma, Digits::Scientific(4));
+            }
+        }
+    }
+}
+
+fn axes(numbers: Option<&Vector3<f64>>, digits: Digits, to: &mut impl EstimateCells) {
+    match numbers {
+        Some(numbers) => numbers.iter().for_each(|number| to.number(*number, digits)),
+        None => to.empty(3),
+    }
+}
+
+fn position_sigma(s: &Solution, to: &mut impl EstimateCells) {
+    let Some((place, p)) = &s.position else {
+        return to.empty(6);
+    };
+    let metres = sigmas(p);
+    let (north, east) = place.metres_per_radian();
+    to.number(metres.x / north, Digits::ScientificDegrees(3));
+    to.number(metres.y / east, Digits::ScientificDegrees(3));
+    to.number(metres.z, Digits::Fixed(6));
+    axes(Some(&metres), Digits::Fixed(6), to);
+}
+
+/// Writes estimates.csv, with [`EstimateColumns`].
 #[derive(Debug)]
 pub struct EstimateWriter<W: Write> {
     cells: Cells<W>,
-    origin: Origin,
-    further: Vec<Block>,
+    columns: EstimateColumns,
 }
 
 /// The rows already written are not part of the memory.
 impl<W: Write> Memory for EstimateWriter<W> {
     fn remember(&mut self, tape: &mut Tape<'_>) {
-        self.origin.remember(tape);
+        self.columns.remember(tape);
     }
 }
 
@@ -115,22 +262,13 @@ impl<W: Write> EstimateWriter<W> {
     /// # Errors
     /// The errors of the writer.
     pub fn new(out: W, layout: &Layout, origin: Origin) -> io::Result<Self> {
-        let blocks = layout.blocks().iter();
-        let further: Vec<Block> = blocks.filter(|b| !SHOWN.contains(&b.name.as_str())).cloned().collect();
+        let columns = EstimateColumns::new(layout, origin);
         let mut cells = Cells::new(out);
-        cells.text("t_s")?;
-        cells.texts(SOLUTION)?;
-        SOLUTION.iter().try_for_each(|name| cells.put(format_args!("sigma_{name}")))?;
-        for block in &further {
-            for (prefix, names) in [("", values(block.kind)), ("sigma_", sigmas_of(block.kind))] {
-                let mut names = names.into_iter();
-                names.try_for_each(|axis| cells.put(format_args!("{prefix}{}{axis}", block.name)))?;
-            }
-        }
+        columns.names().iter().try_for_each(|name| cells.text(name))?;
         cells.end()?;
         // A full disk is reported before the run.
         cells.flush()?;
-        Ok(Self { cells, origin, further })
+        Ok(Self { cells, columns })
     }
 
     /// Writes one row.
@@ -138,66 +276,8 @@ impl<W: Write> EstimateWriter<W> {
     /// # Errors
     /// The errors of the writer.
     pub fn write(&mut self, s: &Solution, belief: &Belief) -> io::Result<()> {
-        self.cells.fixed(s.time.seconds(), 6);
-        self.position(s);
-        let velocity = s.velocity.as_ref().map(|(v, _)| v);
-        let rpy = s.rpy();
-        let angles = rpy.map(|(rpy, _)| rpy.map(f64::to_degrees));
-        self.axes(velocity, 5);
-        self.axes(angles.as_ref(), 6);
-        self.position_sigma(s);
-        self.axes(s.velocity.as_ref().map(|(_, p)| sigmas(p)).as_ref(), 6);
-        self.axes(rpy.map(|(_, spread)| spread.map(f64::to_degrees)).as_ref(), 6);
-        self.further(belief);
+        self.columns.write(s, belief, &mut self.cells);
         self.cells.end()
-    }
-
-    /// Three numbers with this number of decimals.
-    fn axes(&mut self, numbers: Option<&Vector3<f64>>, decimals: usize) {
-        match numbers {
-            Some(numbers) => numbers.iter().for_each(|number| self.cells.fixed(*number, decimals)),
-            None => self.cells.empty(3),
-        }
-    }
-
-    /// Latitude, longitude, height, then metres from the origin.
-    fn position(&mut self, s: &Solution) {
-        let Some((place, _)) = s.position else {
-            return self.cells.empty(6);
-        };
-        self.cells.fixed(place.lat.to_degrees(), 10);
-        self.cells.fixed(place.lon.to_degrees(), 10);
-        self.cells.fixed(place.height, 4);
-        let ned = self.origin.to_ned(&place);
-        self.axes(Some(&ned), 4);
-    }
-
-    fn position_sigma(&mut self, s: &Solution) {
-        let Some((place, p)) = &s.position else {
-            return self.cells.empty(6);
-        };
-        let metres = sigmas(p);
-        let (north, east) = place.metres_per_radian();
-        self.cells.scientific((metres.x / north).to_degrees(), 3);
-        self.cells.scientific((metres.y / east).to_degrees(), 3);
-        self.cells.fixed(metres.z, 6);
-        self.axes(Some(&metres), 6);
-    }
-
-    /// The states that the solution does not show, each with its 1σ.
-    fn further(&mut self, belief: &Belief) {
-        for block in &self.further {
-            let values = &belief.x[block.storage_range()];
-            if block.kind == Kind::Attitude {
-                let rpy = so3::to_rpy(&Attitude::read(values));
-                rpy.iter().for_each(|angle| self.cells.scientific(*angle, 8));
-            } else {
-                values.iter().for_each(|value| self.cells.scientific(*value, 8));
-            }
-            for sigma in belief.covariance.sigmas(block) {
-                self.cells.scientific(sigma, 4);
-            }
-        }
     }
 
     /// Writes the buffered text.

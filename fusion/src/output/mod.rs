@@ -24,9 +24,10 @@ mod unwritable;
 mod updates;
 
 pub use cells::Cells;
-pub use estimates::{EstimateWriter, Origin, SOLUTION};
+pub use estimates::{Digits, EstimateCells, EstimateColumns, EstimateWriter, Origin, SOLUTION};
 pub use format::{EstimateAbout, EstimateClock, EstimateFormat, EstimateSink};
 pub use set::{Abandoned, FileSet, OutputFile, Sink, abandon};
 pub(crate) use spill::Spill;
 pub use unwritable::Unwritable;
 pub(crate) use updates::UpdateWriter;
+pub use updates::verdict_name;

@@ -79,7 +79,7 @@ impl<W: Write> UpdateWriter<W> {
 
 /// The verdict as updates.csv and the summary spell it.
 #[must_use]
-const fn verdict_name(verdict: Verdict) -> &'static str {
+pub const fn verdict_name(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Accepted => "accepted",
         Verdict::Rejected => "rejected",

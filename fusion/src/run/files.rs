@@ -128,8 +128,9 @@ impl Files {
     }
 }
 
-/// The estimates that have a row in their file.
-pub(super) fn thinning(design: &Design) -> Thinning {
+/// The estimates that have a row in their file, by `run.output_rate`.
+#[must_use]
+pub fn thinning(design: &Design) -> Thinning {
     Thinning::new(design.run.output_rate.map_or(0, |rate| nanos(1.0 / rate.si())))
 }
 

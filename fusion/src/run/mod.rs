@@ -18,7 +18,7 @@ pub use crate::rows::{KeptRows, SourceStatistics};
 pub use advice::{Advisor, Finding, Ignored, Rule};
 pub use faults::FaultWindow;
 pub use feeding::FeedMaker;
-pub use files::Finished;
+pub use files::{Finished, thinning};
 pub use recorded::open_one;
 pub use saving::Checkpoints;
 pub use sections::{Computation, Current, Detector, Effort, Identity, JudgedBy};
