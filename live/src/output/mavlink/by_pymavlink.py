@@ -51,12 +51,14 @@ def main():
     degrees = [round(math.degrees(angle) * 1e7) for angle in (LAT, LON)]
     usec, sigma = round(UNIX * 1e6), lambda block, axes: math.sqrt(max(block[k][k] for k in axes))
     place, velocity = covariance(0, 0), covariance(1, 1)
+    # The pitch is minus the arcsine of zero.
+    angles = [0, -0.0, 0]
     messages = [
         dialect.MAVLink_odometry_message(
             usec, dialect.MAV_FRAME_LOCAL_NED, dialect.MAV_FRAME_BODY_FRD, 0, 0, 0, [1, 0, 0, 0], *VELOCITY,
             UNKNOWN, UNKNOWN, UNKNOWN, pose(), body_velocity(), 0, 0, 100,
         ),
-        dialect.MAVLink_vision_position_estimate_message(usec, 0, 0, 0, 0, 0, 0, pose(), 0),
+        dialect.MAVLink_vision_position_estimate_message(usec, 0, 0, 0, *angles, pose(), 0),
         dialect.MAVLink_gps_input_message(
             usec, 0, 2 | 4, round(SECONDS * 1000), WEEK, 3, *degrees, HEIGHT, 65535, 65535, *VELOCITY,
             sigma(velocity, range(3)), sigma(place, range(2)), sigma(place, [2]), 255, 36000,
