@@ -8,12 +8,12 @@ use fusion::rows::SourceError;
 use fusion::source::DataFile;
 #[cfg(feature = "mcap")]
 use fusion::source::OpenContext;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The files of a log, in the order in which they were recorded.
 pub(crate) struct Parts {
     name: String,
-    files: std::vec::IntoIter<PathBuf>,
+    files: std::vec::IntoIter<DataFile>,
 }
 
 impl Parts {
@@ -21,9 +21,9 @@ impl Parts {
     pub(crate) fn of(file: &DataFile, endings: &[&str]) -> Self {
         let path = file.path();
         let files = if path.is_dir() {
-            listed(path, endings)
+            listed(path, endings).iter().map(|name| file.within(name)).collect()
         } else {
-            vec![path.to_owned()]
+            vec![file.clone()]
         };
         Self {
             name: file.name(),
@@ -36,7 +36,7 @@ impl Parts {
     pub(crate) fn one(file: &DataFile) -> Self {
         Self {
             name: file.name(),
-            files: vec![file.path().to_owned()].into_iter(),
+            files: vec![file.clone()].into_iter(),
         }
     }
 
@@ -48,26 +48,25 @@ impl Parts {
 
 impl Parts {
     /// The next file.
-    pub(crate) fn next_path(&mut self) -> Option<PathBuf> {
+    pub(crate) fn next_file(&mut self) -> Option<DataFile> {
         self.files.next()
     }
 
     /// The bytes of the next file.
     #[cfg(feature = "mcap")]
     pub(crate) fn next_bytes(&mut self, context: &OpenContext) -> Option<Result<Bytes, SourceError>> {
-        let path = self.next_path()?;
-        Some(Bytes::open(&DataFile::new(&path, context), context))
+        Some(Bytes::open(&self.next_file()?, context))
     }
 }
 
-/// The files that `metadata.yaml` lists; without it, all by the numbers in their names.
-fn listed(folder: &Path, endings: &[&str]) -> Vec<PathBuf> {
+/// The names of the files that `metadata.yaml` lists; without it, all by the numbers in their names.
+fn listed(folder: &Path, endings: &[&str]) -> Vec<String> {
     let metadata = std::fs::read_to_string(folder.join("metadata.yaml")).unwrap_or_default();
     let mut lines = metadata.lines().map(str::trim);
     let is_list = lines.any(|line| line == "relative_file_paths:");
     let listed = lines.map_while(|line| line.strip_prefix("- ")).filter(|_| is_list);
     let has_ending = |name: &str| endings.iter().any(|ending| name.ends_with(ending));
-    let listed: Vec<PathBuf> = listed.filter(|name| has_ending(name)).map(|name| folder.join(name)).collect();
+    let listed: Vec<String> = listed.filter(|name| has_ending(name)).map(str::to_owned).collect();
     if !listed.is_empty() {
         return listed;
     }
@@ -76,5 +75,5 @@ fn listed(folder: &Path, endings: &[&str]) -> Vec<PathBuf> {
     let mut names: Vec<String> = names.filter(|name| has_ending(name)).collect();
     // `bag_10` comes after `bag_9`.
     names.sort_by_key(|name| (name.len(), name.clone()));
-    names.into_iter().map(|name| folder.join(name)).collect()
+    names
 }

@@ -38,6 +38,8 @@ chapters! {
     a_first_filter: "first-filter.md",
     logs: "logs.md",
     formats: "formats.md",
+    from_ros: "from-ros.md",
+    from_px4: "from-px4.md",
     inspecting: "inspecting.md",
     simulation: "simulation.md",
     designs: "designs.md",

@@ -322,3 +322,84 @@ fn files_and_folders_without_a_log_are_named() {
     let lost = w.fusion(&["inspect", "lost.csv"]).code(2);
     assert!(stderr(&lost).contains("lost.csv"), "{}", stderr(&lost));
 }
+
+/// Two minutes of a drive with turns: a unit at 50 Hz, fixes at 5 Hz, and a link that holds messages
+/// back for half a second of every two.
+fn station() -> Vec<u8> {
+    use fusion_formats::mavlink::{Message, Sender};
+    /// Unix time of the start \[µs\].
+    const START: f64 = 1.752e15;
+    let from = Sender {
+        system: 1,
+        component: 1,
+        sequence: 0,
+    };
+    let mut log = Vec::new();
+    let (mut north, mut east, mut heading) = (0.0_f64, 0.0_f64, 0.5_f64);
+    for k in 0..6000 {
+        let t = 0.02 * f64::from(k);
+        let (speed, slope) = if t < 20.0 {
+            (0.0, 0.0)
+        } else {
+            ((t - 20.0).min(6.0), f64::from(u8::from(t < 26.0)))
+        };
+        let rate = if t < 30.0 { 0.0 } else { 0.3 * (0.2 * (t - 30.0)).sin() };
+        heading += 0.02 * rate;
+        north += 0.02 * speed * heading.cos();
+        east += 0.02 * speed * heading.sin();
+        // Without noise, the samples at rest would be equal.
+        let shaken = |seed: f64| 0.02 * (f64::from(k) * seed).sin();
+        let mut send = |name: &str, fields: &[(&str, f64)]| {
+            let arrival = t + (0.5 - t.rem_euclid(2.0)).max(0.0);
+            let fields: Vec<(&str, &[f64])> = fields.iter().map(|(name, value)| (*name, std::slice::from_ref(value))).collect();
+            log.extend(((START + 1e6 * arrival) as u64).to_be_bytes());
+            log.extend(Message::named(name).unwrap().frame(&from, &fields).unwrap());
+        };
+        let time = ("time_usec", 1e6 * (t + 5.0));
+        let force = [slope + shaken(1.1), speed * rate + shaken(1.7), -9.807 + shaken(2.3)];
+        send(
+            "HIGHRES_IMU",
+            &[
+                time,
+                ("xacc", force[0]),
+                ("yacc", force[1]),
+                ("zacc", force[2]),
+                ("xgyro", shaken(1.3) / 10.0),
+                ("ygyro", shaken(1.9) / 10.0),
+                ("zgyro", rate + shaken(2.9) / 10.0),
+            ],
+        );
+        if k % 10 == 0 {
+            let (lat, lon) = (45.0 + north / 111_132.0, 10.0 + east / 78_847.0);
+            let course = heading.to_degrees().rem_euclid(360.0);
+            let height = 100e3 + f64::from(k % 7);
+            send(
+                "GPS_RAW_INT",
+                &[
+                    time,
+                    ("fix_type", 3.0),
+                    ("lat", 1e7 * lat),
+                    ("lon", 1e7 * lon),
+                    ("alt", height),
+                    ("vel", 100.0 * speed),
+                    ("cog", 100.0 * course),
+                    ("satellites_visible", 12.0),
+                ],
+            );
+        }
+    }
+    log
+}
+
+#[test]
+fn from_a_log_of_a_ground_station_to_a_running_filter_in_two_commands() {
+    let w = Workspace::new("inspect-station");
+    std::fs::write(w.path("drive.tlog"), station()).unwrap();
+    w.fusion(&["inspect", "drive.tlog", "--write", "first.toml"]).success();
+    let design = w.read("first.toml");
+    assert!(!design.contains("log_time"), "times of arrival are no stamps:\n{design}");
+    let ran = stdout(&w.fusion(&["run", "first.toml"]).success());
+    assert!(ran.contains("health good") || ran.contains("health     good"), "{ran}");
+    // Every held message has its own time, so the unit has no gap.
+    assert!(!ran.contains("input-gap"), "{ran}");
+}

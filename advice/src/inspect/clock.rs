@@ -4,6 +4,7 @@ use super::Day;
 use super::numbers::{median, quantile};
 use super::signal::factor;
 use super::words::{Words, contains};
+use fusion::source::OwnClock;
 use fusion::source::decode;
 use fusion::source::table::{LogColumn, LogTable, gps_of_unix};
 use fusion_core::math;
@@ -146,7 +147,7 @@ impl Clock {
     fn own(table: &LogTable) -> Option<Self> {
         let own = table.format.clock?;
         let scale = factor(own.unit);
-        let (column, why) = of_recorder(table, scale).unwrap_or_else(|| (0, "as the format defines it".to_owned()));
+        let (column, why) = of_recorder(table, scale, own).unwrap_or_else(|| (0, "as the format defines it".to_owned()));
         let stamps = table.columns.get(column)?.values.iter().map(|v| v * scale);
         let first = stamps.clone().find(|t| t.is_finite())?;
         let (origin, shift) = match own.counts_from {
@@ -275,14 +276,23 @@ impl Clock {
     }
 }
 
+/// The column with the times of recording.
+fn recorded(table: &LogTable) -> Option<usize> {
+    table.columns.iter().position(|column| column.name == "log_time")
+}
+
 /// The column with the times of recording, and why the stamps of the messages cannot be used, if most of them cannot.
-/// `scale` is the unit of both \[s\].
-fn of_recorder(table: &LogTable, scale: f64) -> Option<(usize, String)> {
+/// `scale` is the unit of both \[s\], and `own` is the clock that the format defines.
+fn of_recorder(table: &LogTable, scale: f64, own: OwnClock) -> Option<(usize, String)> {
     /// A stamp this long after its recording is wrong: time zones differ by a day at most \[s\].
     const AHEAD: f64 = 86_400.0;
     /// A clock that is set shows 1973 or later. An earlier stamp counts from the start of a device \[s\].
     const SET: f64 = 1e8;
-    let column = table.columns.iter().position(|column| column.name == "log_time")?;
+    let column = recorded(table)?;
+    if own.counts_from.is_none() {
+        let why = "the senders of these messages count from different starts";
+        return (table.stamp == Some(column)).then(|| (column, why.to_owned()));
+    }
     let seconds = |k: usize| table.columns[k].values.iter().map(move |v| v * scale);
     let pairs: Vec<(f64, f64)> = seconds(0).zip(seconds(column)).collect();
     let share =
@@ -507,6 +517,7 @@ pub(super) fn why_none(table: &LogTable) -> String {
 
 /// Selects in each table the column of time that all other tables use, if this table has a column of that name, too.
 pub(super) fn agree(tables: &mut [LogTable]) {
+    use_recorder_for_several_starts(tables);
     let used = |table: &LogTable| {
         let clock = Clock::named(table)?;
         Some(table.columns[clock.column].called().to_lowercase())
@@ -531,6 +542,29 @@ pub(super) fn agree(tables: &mut [LogTable]) {
         if let Some(column) = column.filter(|column| own && is_sound(column)) {
             tables[k].stamp = Some(column);
             names[k] = Some(common);
+        }
+    }
+}
+
+/// Selects the times of recording in the tables of a file whose stamps count from the starts of several senders. Each
+/// sender has another difference between the time of recording and the stamp.
+fn use_recorder_for_several_starts(tables: &mut [LogTable]) {
+    /// Links delay by less \[s\].
+    const APART: f64 = 5.0;
+    let start = |table: &LogTable| {
+        let own = table.format.clock.filter(|own| own.counts_from.is_none())?;
+        let (stamps, recorded) = (&table.columns.first()?.values, &table.columns[recorded(table)?].values);
+        let start = median(stamps.iter().zip(recorded).map(|(stamp, recorded)| recorded - stamp)) * factor(own.unit);
+        start.is_finite().then_some(start)
+    };
+    let starts: Vec<Option<f64>> = tables.iter().map(start).collect();
+    for k in 0..tables.len() {
+        let is_apart = |other: usize| {
+            let pair = starts[k].zip(starts[other]);
+            tables[k].path == tables[other].path && pair.is_some_and(|(a, b)| (a - b).abs() > APART)
+        };
+        if (0..tables.len()).any(is_apart) {
+            tables[k].stamp = recorded(&tables[k]);
         }
     }
 }

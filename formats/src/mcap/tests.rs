@@ -276,6 +276,16 @@ fn a_folder_is_read_in_the_order_of_its_files() {
     let listed = "rosbag2_bagfile_information:\n  relative_file_paths:\n    - bag_9.mcap\n    - bag_0.mcap\n  duration:\n";
     std::fs::write(folder.join("metadata.yaml"), listed).unwrap();
     assert_eq!(read(), ["9", "0"]);
+
+    // The folder of the data is a relative path.
+    let up: std::path::PathBuf = std::env::current_dir().unwrap().components().skip(1).map(|_| "..").collect();
+    let context = OpenContext {
+        data_dir: up.join(folder.parent().unwrap().strip_prefix("/").unwrap()),
+        ..OpenContext::default()
+    };
+    let file = DataFile::new(Path::new(folder.file_name().unwrap()), &context);
+    let (messages, broken) = all(&mut McapReader::open(&file, &context).unwrap());
+    assert_eq!((messages.len(), broken), (2, None));
     std::fs::remove_dir_all(folder).unwrap();
 }
 

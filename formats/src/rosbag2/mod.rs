@@ -74,12 +74,12 @@ fn schema(row: &TopicRow) -> Box<dyn Schema> {
 impl MessageReader for Rosbag2Reader {
     fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
         let mut parts = Parts::of(file, ROSBAG2.endings);
-        let path = parts.next_path().ok_or_else(|| parts.none())?;
+        let first = parts.next_file().ok_or_else(|| parts.none())?;
         // Its errors name the places where a missing file was searched.
-        DataFile::new(&path, context).bytes(context)?;
+        first.bytes(context)?;
         let mut reader = Self {
             parts,
-            database: Database::open(&path).map_err(|why| DataError::new(file.name(), why))?,
+            database: Database::open(first.path()).map_err(|why| DataError::new(file.name(), why))?,
             topics: HashMap::new(),
             known: HashMap::new(),
             streams: Streams::default(),
@@ -104,8 +104,8 @@ impl MessageReader for Rosbag2Reader {
                 let topic = self.streams.receive(*channel, self.database.message(), log_time);
                 return topic.map(Some).map_err(broken);
             }
-            let Some(path) = self.parts.next_path() else { return Ok(None) };
-            self.database = Database::open(&path).map_err(broken)?;
+            let Some(file) = self.parts.next_file() else { return Ok(None) };
+            self.database = Database::open(file.path()).map_err(broken)?;
             self.add_topics();
         }
     }

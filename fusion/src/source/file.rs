@@ -35,6 +35,15 @@ impl DataFile {
         }
     }
 
+    /// A file of this folder.
+    #[must_use]
+    pub fn within(&self, name: &str) -> Self {
+        Self {
+            declared: self.declared.join(name),
+            opened: self.opened.join(name),
+        }
+    }
+
     /// Its path as opened.
     #[must_use]
     pub fn path(&self) -> &Path {

@@ -1,6 +1,7 @@
 //! Stamps, arrays and rows.
 
 use super::*;
+use fusion::source::{LogFormat, OwnClock};
 
 #[test]
 fn rows_that_do_not_change_are_counted() {
@@ -202,4 +203,36 @@ fn clocks_of_two_time_scales_are_apart_by_leap_seconds_and_the_rest_is_a_delay()
     assert_eq!(leap_seconds(17.3, [1_472_688_000.0; 2]), Some(17.0));
     assert_eq!(leap_seconds(12.0, [1_714_564_800.0; 2]), None);
     assert_eq!(leap_seconds(18.0, [100.0, 118.0]), None);
+}
+
+/// A format whose stamps count from the start of the sender.
+static COUNTED: LogFormat = LogFormat {
+    name: "counted",
+    clock: Some(OwnClock {
+        unit: "us",
+        counts_from: None,
+    }),
+    endings: &[],
+    recognises: |_| false,
+    read: |_| Ok(Vec::new()),
+};
+
+#[test]
+fn stamps_of_one_sender_are_used_and_those_of_two_senders_are_not_comparable() {
+    const RECORDED: f64 = 1.7e9;
+    let sent = |start: f64| {
+        let stamp = move |t: f64| 1e6 * (t + 60.0 - start);
+        let delayed = move |t: f64| 1e6 * (RECORDED + t + 0.2 * noise(t, 1.0).abs());
+        LogTable {
+            format: &COUNTED,
+            ..table(&[("stamp", &stamp), ("log_time", &delayed)], 100, 10.0)
+        }
+    };
+    let columns = |starts: [f64; 2]| {
+        let mut tables = starts.map(sent);
+        super::clock::agree(&mut tables);
+        tables.map(|table| super::clock::Clock::of(&table).unwrap().column)
+    };
+    assert_eq!(columns([0.0, 0.0]), [0, 0]);
+    assert_eq!(columns([0.0, 30.0]), [1, 1]);
 }

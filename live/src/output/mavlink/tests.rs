@@ -1,4 +1,4 @@
-//! Frames by their bytes, as MAVLink defines them.
+//! Frames by their bytes, as MAVLink defines them and as `pymavlink` 2.4.50 packs them: `by_pymavlink.py` prints these.
 
 use super::*;
 use fusion::core::geometry::wgs84::Geodetic;
@@ -321,4 +321,48 @@ fn what_cannot_be_sent_is_an_error() {
     };
     let none = spec("link = \"a\"\nmessage = []").unwrap().open(&about).err().unwrap();
     assert_eq!(none.to_string(), "an output of the type `mavlink` has a `message`");
+}
+
+/// Level, to the north, with numbers that `f32` holds exactly.
+fn plain() -> Solution {
+    let exact = SMatrix::<f64, 9, 9>::from_fn(|i, j| {
+        let (small, large) = (i.min(j) as f64, i.max(j) as f64);
+        f64::from(u8::from(i == j)) * 64.0 + small + large / 16.0
+    });
+    let part = |i: usize, j: usize| exact.fixed_view::<3, 3>(3 * i, 3 * j).into_owned();
+    Solution {
+        time: Time::from_seconds(12.5),
+        position: Some((PLACE, part(0, 0))),
+        velocity: Some((VELOCITY.into(), part(1, 1))),
+        attitude: Some((UnitQuaternion::identity(), part(2, 2))),
+        with_attitude: [part(0, 2), part(1, 2)],
+    }
+}
+
+/// `by_pymavlink.py` prints these frames.
+const OF_PYMAVLINK: [&str; 4] = [
+    "fde90000002ac54b01001068ffc0733906000000000000000000000000000000803f00000000000000000000000000008040000040c000\
+     00a03f0000c07f0000c07f0000c07f000080420000803d0000003e0000c03e0000e03e0000003f002082420000903f0000b03f0000b83f\
+     0000c03f004084420000184000001c400000204000c08c420000ce400000d04000e08e420000f04000009142c07d564440df5344007c03\
+     c40000c07f0000c07f0000c07fc0049c440000ec420000c07f0000c07f0000c07f00bf01450000c07f0000c07f0000c07f0000c07f0000\
+     c07f0000c07f0000c07f0000c07f0000c07f010c000064718c",
+    "fd740000012ac56600001068ffc073390600000000000000000000000000000000000000008000000000000080420000803d0000003e00\
+     00c03e0000e03e0000003f002082420000903f0000b03f0000b83f0000c03f004084420000184000001c400000204000c08c420000ce40\
+     0000d04000e08e420000f0400000914240ae",
+    "fd410000022ac5e800001068ffc073390600fa14730f1c1d521be75676f700c0d74300ff7f4700ff7f4700008040000040c00000a03fe4\
+     340541e10e01418f1b0241060046090003ffa08c877b",
+    "fd190000032ac5210000d43000001c1d521be75676f78c950600000000009001d4fe7d5914",
+];
+
+#[test]
+fn every_message_matches_pymavlink() {
+    let mut output = output("[\"odometry\", \"vision_position_estimate\", \"gps_input\", \"global_position_int\"]");
+    let mut bytes = &sent(output.as_mut(), &estimate(Some(plain()), State::Good))[..];
+    for expected in OF_PYMAVLINK {
+        let (frame, rest) = bytes.split_at(12 + usize::from(bytes[1]));
+        let hex: String = frame.iter().map(|byte| format!("{byte:02x}")).collect();
+        assert_eq!(hex, expected);
+        bytes = rest;
+    }
+    assert!(bytes.is_empty());
 }
