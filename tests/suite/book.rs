@@ -57,6 +57,7 @@ chapters! {
     usbl_and_dvl: "usbl-dvl.md",
     live_links: "live.md",
     embedding: "embedding.md",
+    in_python: "python.md",
     blocks: "blocks.md",
     equations: "equations.md",
     ins_gps: "paper-ins-gps.md",

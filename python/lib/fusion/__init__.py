@@ -1,0 +1,49 @@
+"""Navigation filters composed from model blocks declared in TOML.
+
+>>> import fusion
+>>> d = fusion.Design(simulated)
+>>> r = d.run()
+>>> r.estimates["velocity"].shape
+(101, 3)
+>>> bool((r.sigma["velocity"] > 0).all())
+True
+
+A `Design` is run over its data (`run`), over many seeds (`montecarlo`), or tuned (`tune`). A `Navigator` is fed row by
+row. Numbers are SI, angles are radians; times are seconds of the log. `fusion.plot` draws results.
+"""
+
+from __future__ import annotations
+
+from ._campaign import Campaign, merge
+from ._design import Design, Tuned
+from ._fusion import DataError, DesignError, FusionError, __version__
+from ._navigator import Navigator
+from ._result import Result
+
+# True for type checkers only: `typing` takes longer to import than this package.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
+
+__all__ = [
+    "Campaign",
+    "DataError",
+    "Design",
+    "DesignError",
+    "FusionError",
+    "Navigator",
+    "Result",
+    "Tuned",
+    "merge",
+    "plot",
+    "__version__",
+]
+
+
+def __getattr__(name: str) -> Any:
+    # matplotlib is imported with the plots, not with the package.
+    if name == "plot":
+        from importlib import import_module
+
+        return import_module("fusion.plot")
+    raise AttributeError(f"module 'fusion' has no attribute {name!r}")

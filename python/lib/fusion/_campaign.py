@@ -1,0 +1,113 @@
+"""Campaigns, also over many processes."""
+
+from __future__ import annotations
+
+from . import _fusion
+
+# True for type checkers only: `typing` takes longer to import than this package.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from typing import Any
+
+    import pandas
+
+    from ._design import Design
+
+WIDTH = 100
+
+
+class Campaign:
+    """The runs of a campaign, in order of their numbers."""
+
+    def __init__(self, native: _fusion.Campaign):
+        self._native = native
+
+    def part(self) -> bytes:
+        """The campaign as bytes, lossless, for `merge` and for ``fusion merge``."""
+        return self._native.part()
+
+    def to_csv(self) -> str:
+        """The text of runs.csv."""
+        return self._native.csv()
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A DataFrame with a row for each run, as runs.csv."""
+        import csv
+        import io
+
+        import pandas
+
+        names, *rows = csv.reader(io.StringIO(self.to_csv()))
+        return pandas.DataFrame({name: _numbers(cells) for name, cells in zip(names, zip(*rows))})
+
+    def __len__(self) -> int:
+        return len(self._native)
+
+    def __repr__(self) -> str:
+        return self._native.page(WIDTH)
+
+    def _repr_html_(self) -> str:
+        return self._native.html()
+
+
+def merge(parts: Iterable[bytes]) -> Campaign:
+    """The campaign that parts make, in any order.
+
+    Raises `FusionError` for parts of different designs, seeds, versions or platforms, and for runs that are missing or there
+    twice.
+    """
+    return Campaign(_fusion.merge([bytes(part) for part in parts]))
+
+
+def part(design: "Design", first: int, last: int, seed: int, threads: int = 1) -> bytes:
+    """The runs `first` to `last` of a campaign as bytes, without the last: the work of one worker."""
+    return design._native.montecarlo(first, last, seed, threads).part()
+
+
+def campaign(
+    design: "Design",
+    runs: int | range,
+    seed: int,
+    executor: Any,
+    chunk: int | None,
+    threads: int,
+    progress: Callable[[int, int], None] | None,
+) -> Campaign:
+    numbers = range(runs) if isinstance(runs, int) else runs
+    if len(numbers) == 0 or numbers.step != 1:
+        raise ValueError("runs: a positive number, or a range with step 1")
+    if executor is None:
+        return Campaign(design._native.montecarlo(numbers.start, numbers.stop, seed, threads))
+    size = chunk or max(1, len(numbers) // (4 * _workers(executor)))
+    cuts = [*numbers[::size], numbers.stop]
+    futures = [executor.submit(part, design, first, last, seed) for first, last in zip(cuts, cuts[1:])]
+    done, parts = 0, []
+    try:
+        for (first, last), future in zip(zip(cuts, cuts[1:]), futures):
+            parts.append(future.result())
+            done += last - first
+            if progress is not None:
+                progress(done, len(numbers))
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        raise
+    return merge(parts)
+
+
+def _numbers(cells: tuple[str, ...]) -> list[Any]:
+    """The numbers of a column; an empty cell is NaN. Words stay words."""
+    for convert in (int, lambda cell: float(cell or "nan")):
+        try:
+            return [convert(cell) for cell in cells]
+        except ValueError:
+            pass
+    return list(cells)
+
+
+def _workers(executor: Any) -> int:
+    """The number of workers of an executor, as far as it tells."""
+    if hasattr(executor, "nthreads"):  # a client of Dask
+        return max(1, int(sum(executor.nthreads().values())))
+    return max(1, int(getattr(executor, "_max_workers", 1)))

@@ -1,0 +1,267 @@
+"""Designs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import fspath
+
+from . import _fusion
+from ._campaign import Campaign, campaign
+from ._result import Result
+from ._rows import columns
+
+# True for type checkers only: `typing` takes longer to import than this package.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Iterable
+    from typing import Any
+
+
+class Design:
+    """A filter with its data or its simulated world, as declared in TOML.
+
+    Parameters
+    ----------
+    design
+        The path of a file, or a text of TOML (a string with more than one line).
+    variant
+        Names of tables ``[variant.NAME]`` that are laid over the design, in this order.
+    backend
+        A backend in place of the table ``[filter]``: ``"ekf"``, ``"error_state"``, ``"iekf"`` and others.
+    set
+        Single values by their paths: ``{"sensor.gnss.noise": "2 m"}``. Units as in TOML; a number without unit is SI.
+    data
+        Where relative paths of sources start, instead of at the folder of the file.
+
+    Raises
+    ------
+    DesignError
+        With all mistakes; ``file``, ``line``, ``column`` and ``help`` are those of the first one.
+    """
+
+    def __init__(
+        self,
+        design: str | os.PathLike[str],
+        *,
+        variant: str | Iterable[str] = (),
+        backend: str | None = None,
+        set: Mapping[str, Any] | None = None,
+        data: str | os.PathLike[str] | None = None,
+    ):
+        is_text = isinstance(design, str) and "\n" in design
+        path, text = (".", str(design)) if is_text else (fspath(design), None)
+        variants = [variant] if isinstance(variant, str) else list(variant)
+        edits = [f"{key}={_toml(value)}" for key, value in (set or {}).items()]
+        self._native = _fusion.Design(path, text, variants, backend, edits, None if data is None else fspath(data))
+
+    @classmethod
+    def _of(cls, *arguments: Any) -> "Design":
+        made = cls.__new__(cls)
+        made._native = _fusion.Design(*arguments)
+        return made
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (_again, self._native.arguments())
+
+    @property
+    def description(self) -> str:
+        """The line ``run.description``."""
+        return self._native.description
+
+    @property
+    def sources(self) -> list[str]:
+        """The names of its sources: the keys of the rows that `run` takes."""
+        return self._native.sources
+
+    @property
+    def sensors(self) -> list[str]:
+        """The names of its sensors."""
+        return self._native.sensors
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether its data come from a simulated world."""
+        return self._native.is_simulated
+
+    @property
+    def backend(self) -> str:
+        """The backend: chart, update and form of the covariance."""
+        return self._native.backend
+
+    @property
+    def hash(self) -> str:
+        """A fingerprint of the design with its changes. Equal ones give equal results."""
+        return self._native.hash
+
+    def with_changes(self, set: Mapping[str, Any]) -> "Design":
+        """The same design with further values, as the argument ``set`` of the constructor."""
+        path, text, variants, backend, edits, data = self._native.arguments()
+        edits = edits + [f"{key}={_toml(value)}" for key, value in set.items()]
+        return Design._of(path, text, variants, backend, edits, data)
+
+    def run(
+        self,
+        rows: Mapping[str, Any] | None = None,
+        *,
+        seed: int | None = None,
+        smooth: str | None = None,
+        out: str | os.PathLike[str] | None = None,
+        progress: Callable[[], None] | None = None,
+    ) -> Result:
+        """Runs the design over its sources, or over its simulated world.
+
+        Parameters
+        ----------
+        rows
+            Tables in place of the files of sources: DataFrames of pandas or polars, Arrow tables, dicts of arrays. They are
+            decoded as the design declares, with its units, clocks, rotations and ``valid``. Arrays of float64 and int64 are
+            not copied; do not change them during the run.
+        seed
+            The seed of simulated data and of declared faults, instead of the design's.
+        smooth
+            ``None``: as the design says; ``"never"``, ``"whole"``, ``"iterate"`` (maximum a posteriori).
+        out
+            A folder for the files of the command: estimates.csv, updates.csv, summary.json.
+        progress
+            Is called from time to time. An exception that it raises ends the run.
+
+        Other threads of Python run meanwhile, and Ctrl-C stops the run.
+        """
+        tables = {name: columns(name, table) for name, table in (rows or {}).items()}
+        tick = progress or _nothing
+        return Result(self._native.run(tables, seed, smooth, None if out is None else fspath(out), tick))
+
+    def montecarlo(
+        self,
+        runs: int | range = 100,
+        *,
+        seed: int = 1,
+        executor: Any = None,
+        chunk: int | None = None,
+        threads: int = 0,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Campaign:
+        """Runs the design with many seeds.
+
+        The result does not depend on the number of threads, of workers, nor on how the runs are split.
+
+        Parameters
+        ----------
+        runs
+            Their number, or the range of their numbers, which starts at 0.
+        seed
+            The seed of the campaign; the seed of a run depends on it and on the number of the run.
+        executor
+            Any executor of ``concurrent.futures``, or a client of Dask: the runs are split among its workers. A part whose
+            worker is lost is computed again by the executor, or raises its exception here.
+        chunk
+            Runs in each part for an executor; by default about four parts a worker.
+        threads
+            Without an executor: the number of threads; 0 for one per core.
+        progress
+            Is called with the number of runs done and of all.
+        """
+        return campaign(self, runs, seed, executor, chunk, threads, progress)
+
+    def tune(
+        self,
+        rows: Mapping[str, Any] | Iterable[Mapping[str, Any]] | None = None,
+        *,
+        params: Iterable[str] = (),
+        settle: float = 0.0,
+        folds: int = 4,
+        most_runs: int = 1000,
+    ) -> "Tuned":
+        """Finds noises under which the innovations are most probable. It needs no reference.
+
+        Parameters
+        ----------
+        rows
+            As for `run`; a list of them for several logs.
+        params
+            Paths of the noises, such as ``"gyro.noise"`` and ``"sensor.*.noise"``. Without them: those of the process and of
+            the sensors that measure.
+        settle
+            Rows count from this time after the alignment on [s].
+        folds
+            Parts of each log, each judged by what the others give.
+        most_runs
+            No iteration begins after this number of runs.
+        """
+        logs = [rows or {}] if rows is None or isinstance(rows, Mapping) else list(rows)
+        tables = [{name: columns(name, table) for name, table in log.items()} for log in logs]
+        return Tuned(self, self._native.tune(list(params), tables, settle, folds, most_runs))
+
+    def __repr__(self) -> str:
+        path, text, *_ = self._native.arguments()
+        name = "text" if text is not None else str(path)
+        return f"<fusion.Design {name}: {self.backend}; sensors {', '.join(self.sensors)}; design {self.hash}>"
+
+
+class Tuned:
+    """Noises that a log determines, and the design with them."""
+
+    def __init__(self, design: Design, native: _fusion.Tuned):
+        self._design = design
+        self._native = native
+
+    @property
+    def found(self) -> list[dict[str, Any]]:
+        """For each parameter: path, declared value, factor on it, 95 % interval of the factor, whether it is identifiable."""
+        keys = ("path", "declared", "factor", "low", "high", "is_identifiable")
+        return [dict(zip(keys, row, strict=True)) for row in self._native.found()]
+
+    @property
+    def is_better(self) -> bool:
+        """Whether the found noises make hidden parts of the log more probable than the declared ones."""
+        return self._native.is_better
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether the innovations are independent, so that the found values mean something."""
+        return self._native.is_sound
+
+    @property
+    def gain(self) -> float:
+        """The gain of ln L on hidden parts of the log."""
+        return self._native.gain
+
+    @property
+    def changes(self) -> dict[str, str]:
+        """The changed values as TOML, by path."""
+        return dict(self._native.edits())
+
+    @property
+    def design(self) -> Design:
+        """The design with these values."""
+        path, text, variants, backend, edits, data = self._design._native.arguments()
+        edits = edits + [f"{key}={value}" for key, value in self._native.edits()]
+        return Design._of(path, text, variants, backend, edits, data)
+
+    def __repr__(self) -> str:
+        rows = [f"{f['path']}: × {f['factor']:.3g} ({f['low']:.3g} to {f['high']:.3g})" for f in self.found]
+        return "<fusion.Tuned\n  " + "\n  ".join(rows) + f"\n  gain {self.gain:.1f} nats on hidden parts>"
+
+
+def _again(*arguments: Any) -> Design:
+    return Design._of(*arguments)
+
+
+def _nothing() -> None:
+    pass
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_toml(inner)}" for key, inner in value.items()) + " }"
+    if hasattr(value, "tolist"):
+        return _toml(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return repr(value)

@@ -1,0 +1,155 @@
+//! The filter inside a program of Python.
+
+use crate::design::Design;
+use crate::error::{DataError, raised};
+use fusion::core::runner::Event;
+use fusion::core::time::Time;
+use fusion::solution::{Solution, sigmas};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+use std::sync::{Mutex, PoisonError};
+
+/// A filter that is fed and read. Threads of Python take turns, and none holds the interpreter while it waits.
+#[pyclass(frozen, module = "fusion._fusion")]
+#[derive(Debug)]
+pub(crate) struct Navigator {
+    nav: Mutex<fusion::Navigator>,
+}
+
+impl Navigator {
+    /// Works on the filter without the interpreter.
+    fn on<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut fusion::Navigator) -> T + Send) -> T {
+        py.detach(|| work(&mut self.nav.lock().unwrap_or_else(PoisonError::into_inner)))
+    }
+}
+
+/// Rows between two looks at signals: some ten milliseconds.
+const PIECE: usize = 1 << 14;
+
+/// A solution as a dict, in SI with angles in radians.
+fn solved<'py>(py: Python<'py>, solution: &Solution) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("time", solution.time.seconds())?;
+    let put = |name: &str, values: [f64; 3], sigma: [f64; 3]| {
+        dict.set_item(name, values)?;
+        dict.set_item(format!("sigma_{name}"), sigma)
+    };
+    if let Some((place, p)) = &solution.position {
+        put("position", [place.lat, place.lon, place.height], sigmas(p).into())?;
+    }
+    if let Some((velocity, p)) = &solution.velocity {
+        put("velocity", (*velocity).into(), sigmas(p).into())?;
+    }
+    if let Some((rpy, spread)) = solution.rpy() {
+        put("attitude", rpy.into(), spread.into())?;
+    }
+    Ok(dict)
+}
+
+/// The name of a channel, its first column and its width.
+type Channel = (String, usize, usize);
+
+/// The time, and of each state its name, its values as stored and its 1σ.
+type States = (f64, Vec<(String, Vec<f64>, Vec<f64>)>);
+
+fn states(nav: &fusion::Navigator) -> Option<States> {
+    let belief = nav.belief()?;
+    let blocks = nav.layout().blocks().iter().map(|block| {
+        let values = belief.x[block.storage_range()].to_vec();
+        let sigmas = belief.covariance.sigmas(block).collect();
+        (block.name.to_string(), values, sigmas)
+    });
+    Some((belief.time.seconds(), blocks.collect()))
+}
+
+#[pymethods]
+impl Navigator {
+    #[new]
+    fn new(py: Python<'_>, design: &Design) -> PyResult<Self> {
+        let nav = py.detach(|| fusion::Navigator::of(&design.design));
+        Ok(Self {
+            nav: Mutex::new(nav.map_err(|mistakes| raised(py, &mistakes))?),
+        })
+    }
+
+    /// The streams: name, and the name, first column and width of each channel.
+    fn streams(&self, py: Python<'_>) -> Vec<(String, Vec<Channel>)> {
+        let channels = |stream: &fusion::assembly::StreamLayout| {
+            let channels = stream.channels.iter();
+            channels.map(|c| (c.name.clone(), c.offset, c.width)).collect()
+        };
+        let named = |stream: &fusion::assembly::StreamLayout| (stream.name.clone(), channels(stream));
+        self.on(py, |nav| nav.streams().iter().map(named).collect())
+    }
+
+    /// Feeds rows in their order.
+    fn feed(&self, py: Python<'_>, stream: &str, times: PyReadonlyArray1<'_, f64>, rows: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+        let refused = |error: &dyn core::fmt::Display, row: usize| DataError::new_err(format!("row {row}: {error}"));
+        let id = self.on(py, |nav| nav.stream(stream));
+        let id = id.map_err(|error| DataError::new_err(error.to_string()))?;
+        let (times, rows) = (times.as_slice()?, rows.as_slice()?);
+        let width = rows.len().checked_div(times.len()).unwrap_or(0);
+        if width == 0 {
+            return Ok(());
+        }
+        let mut done = 0;
+        for (times, rows) in times.chunks(PIECE).zip(rows.chunks(PIECE * width)) {
+            self.on(py, |nav| {
+                for (k, (seconds, row)) in times.iter().zip(rows.chunks_exact(width)).enumerate() {
+                    let fed = if seconds.is_finite() && seconds.abs() < 9e9 {
+                        nav.feed_stream(id, Time::from_seconds(*seconds), row, &mut |_: &Event<'_>| {})
+                    } else {
+                        // It has the message about such a stamp.
+                        nav.feed(stream, *seconds, row)
+                    };
+                    fed.map_err(|error| refused(&error, done + k))?;
+                }
+                Ok::<(), PyErr>(())
+            })?;
+            done += times.len();
+            py.check_signals()?;
+        }
+        Ok(())
+    }
+
+    fn finish(&self, py: Python<'_>) -> PyResult<()> {
+        let finished = self.on(py, |nav| nav.finish(&mut |_: &Event<'_>| {}));
+        finished.map_err(|error| DataError::new_err(error.to_string()))
+    }
+
+    fn solution<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let solution = self.on(py, fusion::Navigator::solution);
+        solution.map(|solution| solved(py, &solution)).transpose()
+    }
+
+    fn predict<'py>(&self, py: Python<'py>, seconds: f64) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let solution = self.on(py, |nav| nav.predict(seconds));
+        solution.map(|solution| solved(py, &solution)).transpose()
+    }
+
+    /// The time and the states: name, values as stored, 1σ.
+    fn belief(&self, py: Python<'_>) -> Option<States> {
+        self.on(py, |nav| states(nav))
+    }
+
+    fn health(&self, py: Python<'_>) -> (&'static str, Vec<String>) {
+        self.on(py, |nav| {
+            let reasons = nav.health_reasons().into_iter();
+            (nav.health().state.word(), reasons.map(|reason| reason.to_string()).collect())
+        })
+    }
+
+    fn waits_for(&self, py: Python<'_>) -> Vec<(String, String)> {
+        self.on(py, |nav| nav.waits_for())
+    }
+
+    fn checkpoint<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.on(py, fusion::Navigator::checkpoint))
+    }
+
+    fn restore(&self, py: Python<'_>, checkpoint: &[u8]) -> PyResult<()> {
+        let restored = self.on(py, |nav| nav.restore(checkpoint));
+        restored.map_err(|error| DataError::new_err(error.to_string()))
+    }
+}

@@ -1,0 +1,89 @@
+"""Campaigns: any split, any order, any number of workers, a worker killed: the same bytes."""
+
+import os
+import random
+import signal
+import threading
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
+import fusion
+import pytest
+from fusion._campaign import part
+
+from conftest import SIMULATED
+
+RUNS = 24
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return fusion.Design(SIMULATED).montecarlo(RUNS)
+
+
+def test_any_split_in_any_order_gives_the_same_bytes(whole):
+    design = fusion.Design(SIMULATED)
+    shuffle = random.Random(3)
+    for _ in range(5):
+        cuts = sorted({0, RUNS, *(shuffle.randrange(1, RUNS) for _ in range(6))})
+        parts = [part(design, first, last, 1, threads=2) for first, last in zip(cuts, cuts[1:])]
+        shuffle.shuffle(parts)
+        assert fusion.merge(parts).to_csv() == whole.to_csv()
+
+
+def test_an_executor_gives_the_same_bytes(whole):
+    design, told = fusion.Design(SIMULATED), []
+    with ThreadPoolExecutor(2) as executor:
+        by_threads = design.montecarlo(RUNS, executor=executor, chunk=5, progress=lambda done, all: told.append((done, all)))
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
+        by_processes = design.montecarlo(RUNS, executor=executor)
+    assert by_threads.to_csv() == by_processes.to_csv() == whole.to_csv()
+    assert told[-1] == (RUNS, RUNS) and told == sorted(told)
+    assert len(by_processes) == RUNS
+    assert list(by_processes.to_pandas()["run"]) == list(range(RUNS))
+
+
+def test_parts_that_do_not_belong_together_are_refused():
+    design = fusion.Design(SIMULATED)
+    first = part(design, 0, 2, 1)
+    with pytest.raises(fusion.FusionError, match="part 1.*seed"):
+        fusion.merge([first, part(design, 2, 4, 2)])
+    with pytest.raises(fusion.FusionError, match="part 1.*design"):
+        fusion.merge([first, part(fusion.Design(SIMULATED, set={"sensor.position.noise": "2 m"}), 2, 4, 1)])
+    with pytest.raises(fusion.FusionError, match="part 1"):
+        fusion.merge([first, first])
+    with pytest.raises(fusion.FusionError, match="part 0"):
+        fusion.merge([first[:-9]])
+    with pytest.raises(fusion.FusionError):
+        fusion.merge([first, part(design, 3, 4, 1)])
+    with pytest.raises(ValueError, match="runs"):
+        design.montecarlo(0)
+
+
+def test_a_worker_of_dask_that_is_killed_changes_nothing(whole):
+    distributed = pytest.importorskip("distributed")
+    design = fusion.Design(SIMULATED)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+    ) as cluster:
+        with distributed.Client(cluster) as client:
+            assert design.montecarlo(RUNS, executor=client).to_csv() == whole.to_csv()
+            # Workers that compute for some seconds; one of them is killed.
+            longer = fusion.Design(SIMULATED.replace('duration = "10 s"', 'duration = "400 s"'))
+            expected = longer.montecarlo(RUNS).to_csv()
+            victims = list(client.run(os.getpid).values())
+            killed = []
+
+            def kill():
+                time.sleep(0.3)
+                os.kill(victims[0], signal.SIGKILL)
+                killed.append(time.monotonic())
+
+            thread = threading.Thread(target=kill)
+            thread.start()
+            result = longer.montecarlo(RUNS, executor=client, chunk=1)
+            ended = time.monotonic()
+            thread.join()
+            assert killed and killed[0] < ended, "the campaign ended before the kill"
+            assert result.to_csv() == expected
