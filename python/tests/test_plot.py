@@ -1,10 +1,10 @@
 """Plots are drawn, and have what they show."""
 
+import fusion
+import numpy as np
 import pytest
 
-import fusion
-
-from conftest import SIMULATED
+from conftest import RECORDED, REPOSITORY, SIMULATED
 
 matplotlib = pytest.importorskip("matplotlib")
 matplotlib.use("Agg")
@@ -24,7 +24,14 @@ def test_every_plot_is_drawn(tmp_path):
 
 
 def test_errors_without_a_reference_are_an_error(rows):
-    from conftest import RECORDED
-
     with pytest.raises(ValueError, match="no reference"):
         fusion.plot.errors(fusion.Design(RECORDED).run(rows))
+
+
+def test_errors_are_drawn_where_epochs_have_one_quantity_each(data):
+    design = fusion.Design(REPOSITORY / "configs" / "real" / "rtklib-drive.toml", data=data)
+    result = design.run()
+    for quantity in ("position", "velocity"):
+        (line,) = fusion.plot.errors(result, quantity)[0].lines
+        assert len(line.get_xdata()) > 100 and not np.isnan(line.get_ydata()).any()
+    assert "reference" in [line.get_label() for line in fusion.plot.path(result).lines]

@@ -206,3 +206,15 @@ def test_the_import_brings_no_other_package():
     code = "import sys; before = set(sys.modules); import fusion; print('numpy' in set(sys.modules) - before, 'matplotlib' in sys.modules)"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert ran.stdout.split() == ["False", "False"], ran.stderr
+
+
+def test_dates_are_read_as_in_a_file(rows, tmp_path):
+    pandas = pytest.importorskip("pandas")
+    calendar = {"source.gnss.time": {"column": "t", "calendar": "utc", "epoch": "2026-01-01T00:00:00Z"}}
+    design = fusion.Design(RECORDED, set=calendar)
+    gnss = pandas.DataFrame(rows["gnss"])
+    gnss["t"] = pandas.to_datetime("2026-01-01") + pandas.to_timedelta(gnss["t"], unit="s")
+    zoned = gnss.assign(t=gnss["t"].dt.tz_localize("UTC"))
+    expected = fusion.Design(RECORDED).run(rows)
+    for table in (gnss, zoned):
+        assert same(design.run({**rows, "gnss": table}), expected)

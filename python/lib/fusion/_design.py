@@ -228,16 +228,17 @@ class Tuned:
         return self._native.gain
 
     @property
-    def changes(self) -> dict[str, str]:
-        """The changed values as TOML, by path."""
-        return dict(self._native.edits())
+    def changes(self) -> dict[str, Any]:
+        """The changed values by path, as the argument ``set`` of `Design` takes them."""
+        import json
+
+        # A string, a number or an array of TOML is one of JSON.
+        return {path: json.loads(value) for path, value in self._native.edits()}
 
     @property
     def design(self) -> Design:
         """The design with these values."""
-        path, text, variants, backend, edits, data = self._design._native.arguments()
-        edits = edits + [f"{key}={value}" for key, value in self._native.edits()]
-        return Design._of(path, text, variants, backend, edits, data)
+        return self._design.with_changes(self.changes)
 
     def __repr__(self) -> str:
         rows = [f"{f['path']}: × {f['factor']:.3g} ({f['low']:.3g} to {f['high']:.3g})" for f in self.found]

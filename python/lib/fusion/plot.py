@@ -26,10 +26,10 @@ def path(result: Result, *, ax: Any = None) -> Any:
         place = result.smoothed["local_position"]
         ax.plot(place[:, 1], place[:, 0], label="smoothed")
     errors = result.errors
-    if errors is not None and len(errors):
-        time = result.estimates.time
-        place = result.estimates["local_position"]
-        at = [np.interp(errors.time, time, place[:, k]) - errors.position[:, k] for k in (1, 0)]
+    known = None if errors is None else ~np.isnan(errors.position[:, :2]).any(axis=1)
+    if errors is not None and known is not None and known.any():
+        time, place = result.estimates.time, result.estimates["local_position"]
+        at = [np.interp(errors.time[known], time, place[:, k]) - errors.position[known, k] for k in (1, 0)]
         ax.plot(*at, "k--", lw=0.8, label="reference")
     ax.set(xlabel="east [m]", ylabel="north [m]")
     ax.set_aspect("equal", adjustable="datalim")
@@ -48,6 +48,9 @@ def errors(result: Result, quantity: str = "position", *, sigma: float = 3, ax: 
     time, scale = result.errors.time, np.degrees(1) if quantity == "attitude" else 1
     error = scale * getattr(result.errors, quantity)
     spread = scale * getattr(result.errors.sigma, quantity)
+    # An epoch of the reference may have other quantities only.
+    known = ~np.isnan(error).all(axis=1)
+    time, error, spread = time[known], error[known], spread[known]
     axes = plt.subplots(3, sharex=True, layout="constrained")[1] if ax is None else ax
     for k, name in enumerate(AXES[quantity]):
         axes[k].fill_between(time, -sigma * spread[:, k], sigma * spread[:, k], alpha=0.2, lw=0, label=f"{sigma:g}σ")

@@ -1,0 +1,38 @@
+"""The notebooks run."""
+
+import pytest
+
+from conftest import REPOSITORY
+
+nbformat = pytest.importorskip("nbformat")
+nbclient = pytest.importorskip("nbclient")
+
+NOTEBOOKS = REPOSITORY / "python" / "notebooks"
+
+
+def run(name, tmp_path):
+    notebook = nbformat.read(NOTEBOOKS / name, as_version=4)
+    assert not any(cell.get("outputs") for cell in notebook.cells), "outputs are not kept"
+    nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(NOTEBOOKS)}}).execute()
+    pictures = [
+        output["data"]["image/png"]
+        for cell in notebook.cells
+        for output in cell.get("outputs", [])
+        if "image/png" in output.get("data", {})
+    ]
+    nbformat.write(notebook, tmp_path / name)
+    return notebook, pictures
+
+
+def test_from_a_log_to_a_tuned_filter(data, tmp_path, monkeypatch):
+    monkeypatch.setenv("FUSION_DATA", str(data))
+    notebook, pictures = run("log-to-filter.ipynb", tmp_path)
+    assert len(pictures) == 3
+    (judged,) = (cell for cell in notebook.cells if "def judged" in cell.source)
+    assert "tuned" in judged.outputs[0]["text"]
+
+
+def test_a_campaign_on_dask(tmp_path):
+    pytest.importorskip("distributed")
+    _, pictures = run("campaign.ipynb", tmp_path)
+    assert len(pictures) == 2
