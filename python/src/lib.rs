@@ -7,6 +7,7 @@ mod design;
 mod error;
 mod navigator;
 mod recording;
+mod sensor;
 mod tuning;
 
 use pyo3::prelude::*;
@@ -22,6 +23,8 @@ mod _fusion {
     use super::error::{DataError, DesignError, FusionError};
     #[pymodule_export]
     use super::navigator::Navigator;
+    #[pymodule_export]
+    use super::sensor::declare_sensor;
     #[pymodule_export]
     use super::tuning::Tuned;
 

@@ -19,6 +19,7 @@ from ._design import Design, Tuned
 from ._fusion import DataError, DesignError, FusionError, __version__
 from ._navigator import Navigator
 from ._result import Result
+from ._sensor import sensor
 
 # True for type checkers only: `typing` takes longer to import than this package.
 TYPE_CHECKING = False
@@ -36,6 +37,7 @@ __all__ = [
     "Tuned",
     "merge",
     "plot",
+    "sensor",
     "__version__",
 ]
 

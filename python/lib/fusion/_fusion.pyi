@@ -103,4 +103,12 @@ class Tuned:
     @property
     def gain(self) -> float: ...
 
+def declare_sensor(
+    name: str,
+    reads: list[tuple[str, str]],
+    dim: int,
+    unit: str,
+    h: Callable[..., list[float]],
+    jacobian: Callable[..., list[list[float]]] | None,
+) -> None: ...
 def merge(parts: list[bytes]) -> Campaign: ...
