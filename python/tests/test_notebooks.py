@@ -32,6 +32,14 @@ def test_from_a_log_to_a_tuned_filter(data, tmp_path, monkeypatch):
     assert "tuned" in judged.outputs[0]["text"]
 
 
+def test_a_new_sensor(data, tmp_path, monkeypatch):
+    monkeypatch.setenv("FUSION_DATA", str(data))
+    notebook, pictures = run("new-sensor.ipynb", tmp_path)
+    assert len(pictures) == 1
+    texts = "".join(output.get("text", "") for cell in notebook.cells for output in cell.get("outputs", []))
+    assert "used" in texts and "fn h<D: Real>" in texts
+
+
 def test_a_campaign_on_dask(tmp_path):
     pytest.importorskip("distributed")
     _, pictures = run("campaign.ipynb", tmp_path)
