@@ -232,7 +232,8 @@ impl Chapter {
             match block.words[0].as_str() {
                 "console" => told += &self.run(&block, &place),
                 "toml" => self.check(&block, &place),
-                "text" | "rust" => {}
+                // The tests of the Python package run its examples.
+                "text" | "rust" | "python" => {}
                 other => panic!("{place}: nobody tries out `{other}`"),
             }
         }

@@ -17,6 +17,7 @@ from __future__ import annotations
 from ._campaign import Campaign, merge
 from ._design import Design, Tuned
 from ._fusion import DataError, DesignError, FusionError, __version__
+from ._fleet import Fleet
 from ._navigator import Navigator
 from ._result import Result
 from ._sensor import sensor
@@ -31,6 +32,7 @@ __all__ = [
     "DataError",
     "Design",
     "DesignError",
+    "Fleet",
     "FusionError",
     "Navigator",
     "Result",

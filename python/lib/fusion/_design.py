@@ -7,6 +7,7 @@ from os import fspath
 
 from . import _fusion
 from ._campaign import Campaign, campaign
+from ._fleet import Fleet, run_many
 from ._result import Result
 from ._rows import columns
 
@@ -56,7 +57,7 @@ class Design:
         self._native = _fusion.Design(path, text, variants, backend, edits, None if data is None else fspath(data))
 
     @classmethod
-    def _of(cls, *arguments: Any) -> "Design":
+    def _of(cls, *arguments: Any) -> Design:
         made = cls.__new__(cls)
         made._native = _fusion.Design(*arguments)
         return made
@@ -94,7 +95,7 @@ class Design:
         """A fingerprint of the design with its changes. Equal ones give equal results."""
         return self._native.hash
 
-    def with_changes(self, set: Mapping[str, Any]) -> "Design":
+    def with_changes(self, set: Mapping[str, Any]) -> Design:
         """The same design with further values, as the argument ``set`` of the constructor."""
         path, text, variants, backend, edits, data = self._native.arguments()
         edits = edits + [f"{key}={_toml(value)}" for key, value in set.items()]
@@ -164,6 +165,31 @@ class Design:
         """
         return campaign(self, runs, seed, executor, chunk, threads, progress)
 
+    def with_data(self, data: str | os.PathLike[str]) -> Design:
+        """The same design with its logs in another folder."""
+        path, text, variants, backend, edits, _ = self._native.arguments()
+        return Design._of(path, text, variants, backend, edits, fspath(data))
+
+    def run_many(
+        self,
+        logs: Mapping[str, Any],
+        *,
+        executor: Any = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Fleet:
+        """Runs the design over many logs, for one table of figures. A run that fails is a row with its reason.
+
+        Parameters
+        ----------
+        logs
+            By name: a folder, where the paths of the sources start, or rows as for `run`.
+        executor
+            Any executor of ``concurrent.futures``, or a client of Dask. Its workers see the folders.
+        progress
+            Is called with the number of logs done and of all.
+        """
+        return run_many(self, logs, executor, progress)
+
     def tune(
         self,
         rows: Mapping[str, Any] | Iterable[Mapping[str, Any]] | None = None,
@@ -172,7 +198,7 @@ class Design:
         settle: float = 0.0,
         folds: int = 4,
         most_runs: int = 1000,
-    ) -> "Tuned":
+    ) -> Tuned:
         """Finds noises under which the innovations are most probable. It needs no reference.
 
         Parameters
