@@ -10,6 +10,12 @@ nbclient = pytest.importorskip("nbclient")
 NOTEBOOKS = REPOSITORY / "python" / "notebooks"
 
 
+@pytest.fixture(autouse=True)
+def _inline(monkeypatch):
+    """A notebook shows its pictures whatever the backend of other tests is."""
+    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
+
+
 def run(name, tmp_path):
     notebook = nbformat.read(NOTEBOOKS / name, as_version=4)
     assert not any(cell.get("outputs") for cell in notebook.cells), "outputs are not kept"
