@@ -28,10 +28,10 @@ struct Strided<T> {
 
 // SAFETY: it only reads, and the owner keeps the memory. A caller who writes to the array during a run, from another
 // thread of Python, changes numbers and nothing else: each is read once, by its bits.
-#[allow(unsafe_code)]
+#[expect(unsafe_code, reason = "an array without a copy")]
 unsafe impl<T: Sync> Send for Strided<T> {}
 // SAFETY: as above.
-#[allow(unsafe_code)]
+#[expect(unsafe_code, reason = "an array without a copy")]
 unsafe impl<T: Sync> Sync for Strided<T> {}
 
 impl<T: numpy::Element + Copy> Strided<T> {
@@ -49,8 +49,9 @@ impl<T: numpy::Element + Copy> Strided<T> {
             return None;
         }
         // SAFETY: `index` is within the array, whose memory the owner keeps; elements may be unaligned.
-        #[allow(unsafe_code)]
-        Some(unsafe { self.first.byte_offset(self.stride * index as isize).read_unaligned() })
+        #[expect(unsafe_code, reason = "an array without a copy")]
+        let value = Some(unsafe { self.first.byte_offset(self.stride * index as isize).read_unaligned() });
+        value
     }
 }
 

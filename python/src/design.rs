@@ -261,6 +261,16 @@ fn taken<'py>(py: Python<'py>, estimates: Estimates) -> PyResult<Taken<'py>> {
 /// The name of a sensor and its rows.
 type SensorRows<'py> = (String, Bound<'py, PyArray2<f64>>);
 
+/// Estimates, smoothed estimates, innovations, the words of the verdicts, errors, changes of the health.
+type Recorded<'py> = (
+    Taken<'py>,
+    Option<Taken<'py>>,
+    Vec<SensorRows<'py>>,
+    Vec<&'static str>,
+    Bound<'py, PyArray2<f64>>,
+    Vec<Change>,
+);
+
 #[pymethods]
 impl Finished {
     /// The summary as JSON, as summary.json has it.
@@ -282,20 +292,7 @@ impl Finished {
     }
 
     /// All that was recorded: estimates, smoothed estimates, innovations with the words of the verdicts, errors, health.
-    #[allow(clippy::type_complexity)]
-    fn take<'py>(
-        &mut self,
-        py: Python<'py>,
-    ) -> PyResult<
-        Option<(
-            Taken<'py>,
-            Option<Taken<'py>>,
-            Vec<SensorRows<'py>>,
-            Vec<&'static str>,
-            Bound<'py, PyArray2<f64>>,
-            Vec<Change>,
-        )>,
-    > {
+    fn take<'py>(&mut self, py: Python<'py>) -> PyResult<Option<Recorded<'py>>> {
         let Some(recording) = self.recording.take() else {
             return Ok(None);
         };

@@ -44,6 +44,18 @@ def test_an_executor_gives_the_same_bytes(whole):
     assert list(by_processes.to_pandas()["run"]) == list(range(RUNS))
 
 
+def test_a_campaign_tells_its_progress_and_stops_by_an_exception(whole):
+    design, told = fusion.Design(SIMULATED), []
+    again = design.montecarlo(RUNS, chunk=10, progress=lambda done, all: told.append((done, all)))
+    assert again.to_csv() == whole.to_csv() and told == [(10, RUNS), (20, RUNS), (24, RUNS)]
+
+    def stop(done, all):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        design.montecarlo(RUNS, chunk=1, progress=stop)
+
+
 def test_parts_that_do_not_belong_together_are_refused():
     design = fusion.Design(SIMULATED)
     first = part(design, 0, 2, 1)

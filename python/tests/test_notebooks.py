@@ -12,7 +12,7 @@ NOTEBOOKS = REPOSITORY / "python" / "notebooks"
 
 @pytest.fixture(autouse=True)
 def _inline(monkeypatch):
-    """A notebook shows its pictures whatever the backend of other tests is."""
+    """A notebook shows its pictures, also if other tests use another backend."""
     monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 from . import _fusion
 
 # True for type checkers only: `typing` takes longer to import than this package.
@@ -78,7 +80,15 @@ def campaign(
     if len(numbers) == 0 or numbers.step != 1:
         raise ValueError("runs: a positive number, or a range with step 1")
     if executor is None:
-        return Campaign(design._native.montecarlo(numbers.start, numbers.stop, seed, threads))
+        # In pieces, so that Ctrl-C stops it and its progress is known; each keeps all cores busy.
+        size = chunk or max(len(numbers) // 20, 4 * (threads or os.cpu_count() or 1))
+        pieces = []
+        for first in numbers[::size]:
+            last = min(first + size, numbers.stop)
+            pieces.append(part(design, first, last, seed, threads))
+            if progress is not None:
+                progress(last - numbers.start, len(numbers))
+        return merge(pieces)
     size = chunk or max(1, len(numbers) // (4 * _workers(executor)))
     cuts = [*numbers[::size], numbers.stop]
     futures = [executor.submit(part, design, first, last, seed) for first, last in zip(cuts, cuts[1:])]

@@ -157,7 +157,7 @@ class Design:
             Any executor of ``concurrent.futures``, or a client of Dask: the runs are split among its workers. A part whose
             worker is lost is computed again by the executor, or raises its exception here.
         chunk
-            Runs in each part for an executor; by default about four parts a worker.
+            Runs in each part; by default about four parts for each worker of an executor.
         threads
             Without an executor: the number of threads; 0 for one per core.
         progress

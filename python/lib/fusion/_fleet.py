@@ -65,7 +65,7 @@ class Fleet:
 
 
 def judge(design: Design, log: str, data: Any) -> dict[str, Any]:
-    """The row of a log: what a worker computes. `data` is a folder, or rows as for `Design.run`."""
+    """The row of a log, the work of one worker. `data` is a folder, or rows as for `Design.run`."""
     row: dict[str, Any] = {"log": log, "health": None, "findings": None, "error": None}
     try:
         if isinstance(data, (str, PathLike)):
