@@ -84,7 +84,7 @@ pub(super) fn reference(design: &Design, options: &Options) -> Result<Reference,
     Ok(reference)
 }
 
-/// What the reference of a design compares with.
+/// The sources of the reference of a design.
 fn scored(design: &Design) -> Result<Vec<Scored>, Diagnostics> {
     let checked = design.reference.as_ref().map(|r| check(r, &design.sources));
     Ok(checked.transpose()?.unwrap_or_default())
