@@ -67,7 +67,12 @@ impl Design {
             let name: String = name.extract()?;
             if !known().any(|known| known == name) {
                 let known: Vec<&str> = known().collect();
-                let message = format!("the design has no source `{name}`; it has: {}", known.join(", "));
+                let known = if known.is_empty() {
+                    "none: give it a table [source.NAME]".to_owned()
+                } else {
+                    known.join(", ")
+                };
+                let message = format!("the design has no source `{name}`; it has: {known}");
                 return Err(DataError::new_err(message));
             }
             options.rows.insert(name.clone(), supply(&name, columns.cast()?)?);

@@ -71,6 +71,8 @@ def test_parts_that_do_not_belong_together_are_refused():
         fusion.merge([first, part(design, 3, 4, 1)])
     with pytest.raises(ValueError, match="runs"):
         design.montecarlo(0)
+    with pytest.raises(TypeError, match="cannot be interpreted as an integer"):
+        design.montecarlo(2.5)
 
 
 def test_a_worker_of_dask_that_is_killed_changes_nothing(whole):

@@ -147,6 +147,8 @@ def test_wrong_rows_are_errors_that_name_them(rows):
         design.run({**rows, "imu": {**rows["imu"], "gx": np.zeros(3, complex)}})
     with pytest.raises(fusion.DesignError, match="column `gx` has 3 rows, the longest one has 3001"):
         design.run({**rows, "imu": {**rows["imu"], "gx": np.zeros(3)}})
+    with pytest.raises(fusion.DataError, match="it has: none: give it a table"):
+        fusion.Design(SIMULATED).run({"imu": rows["imu"]})
     missing = {name: values for name, values in rows["imu"].items() if name != "gz"}
     with pytest.raises(fusion.DesignError, match="gz"):
         design.run({**rows, "imu": missing})

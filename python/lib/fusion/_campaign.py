@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from operator import index
 
 from . import _fusion
 
@@ -76,7 +77,7 @@ def campaign(
     threads: int,
     progress: Callable[[int, int], None] | None,
 ) -> Campaign:
-    numbers = range(runs) if isinstance(runs, int) else runs
+    numbers = runs if isinstance(runs, range) else range(index(runs))
     if len(numbers) == 0 or numbers.step != 1:
         raise ValueError("runs: a positive number, or a range with step 1")
     if executor is None:
