@@ -1,34 +1,45 @@
 //! Consistency statistics: χ² quantiles and the bands of mean NIS and NEES.
 
-use core::cell::RefCell;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-
-/// Quantiles that are kept: a filter, each of its hypotheses and every variant of a design ask for the same few,
-/// and each is a search of some tens of microseconds.
-const KEPT: usize = 32;
-
-thread_local! {
-    /// Probability and degrees of freedom as bits, and the quantile; the latest last.
-    static KNOWN: RefCell<Vec<([u64; 2], f64)>> = const { RefCell::new(Vec::new()) };
-}
 
 /// The χ² quantile of `dof` degrees of freedom at `probability`, clamped into [0, 1).
 ///
 /// A `dof` that is not positive gives 0.
 #[must_use]
 pub fn chi_square_quantile(probability: f64, dof: f64) -> f64 {
-    let key = [probability.to_bits(), dof.to_bits()];
-    let known = KNOWN.with_borrow(|known| known.iter().find(|(of, _)| *of == key).map(|(_, quantile)| *quantile));
-    known.unwrap_or_else(|| {
-        let quantile = searched(probability, dof);
-        KNOWN.with_borrow_mut(|known| {
-            if known.len() == KEPT {
-                known.remove(0);
-            }
-            known.push((key, quantile));
-        });
-        quantile
-    })
+    #[cfg(feature = "std")]
+    return kept::quantile(probability, dof);
+    #[cfg(not(feature = "std"))]
+    searched(probability, dof)
+}
+
+#[cfg(feature = "std")]
+mod kept {
+    use std::cell::RefCell;
+
+    /// Quantiles that a thread keeps: a filter, each of its hypotheses and every variant of a design ask for the same
+    /// few, and each is a search of some tens of microseconds.
+    pub(super) const KEPT: usize = 32;
+
+    std::thread_local! {
+        /// Probability and degrees of freedom as bits, and the quantile; the latest last.
+        pub(super) static KNOWN: RefCell<Vec<([u64; 2], f64)>> = const { RefCell::new(Vec::new()) };
+    }
+
+    pub(super) fn quantile(probability: f64, dof: f64) -> f64 {
+        let key = [probability.to_bits(), dof.to_bits()];
+        let known = KNOWN.with_borrow(|known| known.iter().find(|(of, _)| *of == key).map(|(_, quantile)| *quantile));
+        known.unwrap_or_else(|| {
+            let quantile = super::searched(probability, dof);
+            KNOWN.with_borrow_mut(|known| {
+                if known.len() == KEPT {
+                    known.remove(0);
+                }
+                known.push((key, quantile));
+            });
+            quantile
+        })
+    }
 }
 
 fn searched(probability: f64, dof: f64) -> f64 {
@@ -56,6 +67,7 @@ pub fn mean_band(probability: f64, dof: usize, count: usize) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
+    use super::kept::{KEPT, KNOWN};
     use super::*;
 
     #[test]

@@ -1,7 +1,7 @@
 //! Parts of a backend that other crates bring: a chart, an update rule or a form.
 
+use alloc::sync::Arc;
 use core::fmt;
-use std::sync::Arc;
 
 /// A chart, an update rule or a form of another crate: `T` is `dyn Chart`, `dyn UpdateRule` or `dyn Form`.
 pub struct Custom<T: ?Sized> {

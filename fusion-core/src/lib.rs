@@ -55,7 +55,7 @@
 //! use fusion_core::state::{Declaration, Dynamics, LayoutBuilder, Scalar, Slot, StateRole, View};
 //! use fusion_core::Time;
 //! use nalgebra::Matrix1;
-//! use std::sync::Arc;
+//! use alloc::sync::Arc;
 //!
 //! #[derive(Debug)]
 //! struct Line {
@@ -126,7 +126,7 @@
 //! assert!((p[0] - 0.36).abs() < 1e-9 && (p[1] - 0.08).abs() < 1e-9);
 //! // 2 m/s, and the error of the start is forgotten.
 //! assert!((belief.x[0] - 400.0).abs() < 1e-9 && (belief.x[1] - 2.0).abs() < 1e-9);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! # Ok::<(), Box<dyn core::error::Error>>(())
 //! ```
 //!
 //! # Map
@@ -153,6 +153,10 @@
 //! its inputs.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+#![cfg_attr(not(feature = "std"), no_std)]
+
+#[cfg_attr(not(feature = "std"), macro_use)]
+extern crate alloc;
 
 pub mod belief;
 pub mod chart;
@@ -171,6 +175,7 @@ pub mod runner;
 pub mod smoother;
 pub mod state;
 pub mod stream;
+#[cfg(feature = "std")]
 pub mod testing;
 pub mod time;
 

@@ -10,10 +10,14 @@
 //! checksum. Data kept longer than a process need their own header.
 
 use crate::time::Time;
+use alloc::borrow::ToOwned;
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
+use alloc::string::String;
+use alloc::vec::Vec;
 use core::ops::Range;
 use nalgebra::{DVector, SMatrix, UnitQuaternion};
 use smallvec::{Array, SmallVec};
-use std::collections::VecDeque;
 use thiserror::Error;
 
 /// Has a memory that can be saved and restored.

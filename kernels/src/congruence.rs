@@ -12,6 +12,7 @@
 
 use crate::Lines;
 use crate::lanes::{Lanes, some, some_mut};
+use alloc::vec::Vec;
 use core::ops::Range;
 
 /// Rows that are computed together because they read nearly the same columns.

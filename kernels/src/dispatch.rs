@@ -34,14 +34,14 @@ impl Kernel {
 
     /// The kernels that this processor can run, the best one last.
     pub fn here() -> impl Iterator<Item = Self> {
-        #[cfg(target_arch = "x86_64")]
+        #[cfg(all(target_arch = "x86_64", feature = "std"))]
         let more = [
             (Kind::Avx2, is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")),
             (Kind::Avx512, is_x86_feature_detected!("avx512f")),
         ];
         #[cfg(target_arch = "aarch64")]
         let more = [(Kind::Neon, true)];
-        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+        #[cfg(not(any(all(target_arch = "x86_64", feature = "std"), target_arch = "aarch64")))]
         let more: [(Kind, bool); 0] = [];
         let more = more.into_iter().filter_map(|(kind, is_here)| is_here.then_some(Self(kind)));
         core::iter::once(Self::PORTABLE).chain(more)

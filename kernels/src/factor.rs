@@ -14,6 +14,7 @@
 use crate::congruence::check;
 use crate::lanes::{Lanes, size, some};
 use crate::math;
+use alloc::vec::Vec;
 use core::ops::Range;
 
 /// The columns of Φ that the rows of a tile read, and the row from which Φ is diagonal.

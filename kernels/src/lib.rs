@@ -10,11 +10,18 @@
 //! This is the only crate with `unsafe`: intrinsics of processors, calls of functions that need them, and
 //! the view of aligned memory as a slice.
 
+#![cfg_attr(not(feature = "std"), no_std)]
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 #![expect(
     clippy::needless_range_loop,
     reason = "plain loops are unrolled into registers; closures lose the features of the processor"
 )]
+
+#[cfg_attr(not(feature = "std"), macro_use)]
+extern crate alloc;
+
+#[cfg(not(any(feature = "std", feature = "libm")))]
+compile_error!("without the feature `std` there are no functions of real numbers: add the feature `libm`");
 
 mod congruence;
 mod dispatch;

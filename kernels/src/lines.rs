@@ -1,5 +1,6 @@
 //! Numbers whose rows of eight begin where the processor's cache lines do.
 
+use alloc::vec::Vec;
 use core::ops::{Deref, DerefMut};
 
 /// A cache line.

@@ -3,6 +3,7 @@
 mod past;
 mod written;
 
+use alloc::vec::Vec;
 pub(crate) use past::Past;
 pub use past::own_dynamics;
 
@@ -11,7 +12,7 @@ use crate::memory::{Memory, Tape};
 use crate::model::LastInput;
 use crate::state::Layout;
 use crate::time::Time;
-use std::sync::Arc;
+use alloc::sync::Arc;
 
 /// The filter's estimate at one instant. Clone it to save it, assign it to restore it.
 #[derive(Clone, Debug, PartialEq)]

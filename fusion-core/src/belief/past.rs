@@ -18,7 +18,8 @@ use crate::math;
 use crate::memory::{Memory, Tape};
 use crate::state::{Block, Dynamics, Layout, StateRole};
 use crate::time::Time;
-use std::sync::Arc;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 
 /// Parameters are looked back at over this time \[s\] at least and twice as much at most: a fault is
 /// older than its first sign, since parameters give way to it before residuals are large.

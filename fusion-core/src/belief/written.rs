@@ -9,6 +9,9 @@ use crate::covariance::{Covariance, FormKind};
 use crate::model::LastInput;
 use crate::state::{Block, Layout, StateRole};
 use crate::time::Time;
+use alloc::borrow::ToOwned;
+use alloc::string::String;
+use alloc::vec::Vec;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

@@ -21,8 +21,8 @@ use crate::geometry::so3;
 use crate::geometry::wgs84::Geodetic;
 use crate::linear::BlockMatrix;
 use crate::state::{Angle, Attitude, Block, Kind, Layout, Manifold, StateRole};
+use alloc::sync::Arc;
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
-use std::sync::Arc;
 
 /// On which side of the estimate the error stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -26,8 +26,8 @@ pub use invariant::{Biases, Invariant, Side};
 
 use crate::linear::BlockMatrix;
 use crate::state::{Block, Kind, Layout, Space};
+use alloc::sync::Arc;
 use core::fmt::Debug;
-use std::sync::Arc;
 
 /// How P changes when a correction moves the state. ξ is the correction in the chart's own
 /// coordinates.

@@ -12,6 +12,7 @@ use super::form::LARGEST;
 use super::{Form, Workspace};
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use crate::math;
+use alloc::vec::Vec;
 use core::ops::Range;
 use fusion_kernels::{Kernel, Lines, Product};
 
@@ -362,8 +363,8 @@ mod tests {
     use crate::covariance::{Covariance, FormKind};
     use crate::state::Quantity;
     use crate::testing::{Lcg, check_form, scalars};
+    use alloc::sync::Arc;
     use nalgebra::{DMatrix, Matrix1};
-    use std::sync::Arc;
 
     #[test]
     fn both_forms_obey_the_laws_at_every_padded_size() {

@@ -3,6 +3,7 @@
 use super::dense::Scratch;
 use super::upper;
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
+use alloc::vec::Vec;
 use core::fmt::Debug;
 use core::mem::MaybeUninit;
 use core::ops::Range;

@@ -19,6 +19,7 @@ mod udu;
 mod upper;
 
 use crate::math;
+use alloc::vec::Vec;
 pub(crate) use dense::axpy;
 pub use dense::{Joseph, Standard};
 pub use form::{Form, Workspace};
@@ -31,9 +32,9 @@ use crate::custom::Custom;
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use crate::memory::{Memory, Tape};
 use crate::state::{Block, Slot, Tangent};
+use alloc::sync::Arc;
 use core::ops::Range;
 use nalgebra::SMatrix;
-use std::sync::Arc;
 
 /// The forms that this crate has, and those of other crates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

@@ -165,7 +165,7 @@ fn absorb(before: &mut [f64], column: &mut [f64]) {
 mod tests {
     use super::*;
     use crate::testing::check_form;
-    use std::sync::Arc;
+    use alloc::sync::Arc;
 
     #[test]
     fn both_kernels_obey_the_laws_at_every_padded_size() {

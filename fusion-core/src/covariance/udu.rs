@@ -138,7 +138,7 @@ fn absorb(before: &mut [f64], d: &mut [f64], mut c: f64, a: &mut [f64]) {
 mod tests {
     use super::*;
     use crate::testing::check_form;
-    use std::sync::Arc;
+    use alloc::sync::Arc;
 
     #[test]
     fn it_obeys_the_laws_at_every_padded_size() {

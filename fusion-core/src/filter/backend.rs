@@ -8,7 +8,7 @@ use super::unscented::Unscented;
 use crate::chart::{AdditiveEuler, AdditiveQuaternion, Biases, Body, Chart, Invariant, Navigation, Reset, Side};
 use crate::covariance::{FormKind, Kernel};
 use crate::custom::Custom;
-use std::sync::Arc;
+use alloc::sync::Arc;
 
 /// The definition of the error whose covariance is P.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

@@ -25,6 +25,8 @@ use crate::memory::{self, Memory, Tape};
 use crate::model::Input;
 use crate::state::{Block, Layout, View};
 use crate::time::Time;
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 /// How many hypotheses the bank keeps, and which.

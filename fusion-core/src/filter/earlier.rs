@@ -17,6 +17,7 @@ use crate::covariance::{Covariance, Workspace};
 use crate::linear::Jacobian;
 use crate::memory::{Memory, Tape};
 use crate::state::{Block, Layout, StateRole};
+use alloc::vec::Vec;
 
 /// Sum of shares at which a block is renewed: e⁻³ = 5 % of its error is left then.
 const REPLACED: f64 = 3.0;

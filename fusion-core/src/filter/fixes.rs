@@ -8,7 +8,7 @@ use super::reacquire::Growing;
 use crate::linear::Jacobian;
 use crate::state::{AxisUnit, Block, Layout, StateRole};
 use crate::time::Time;
-use std::sync::Arc;
+use alloc::sync::Arc;
 
 /// This number of successive fixes counts as agreement.
 const ENOUGH: u32 = 5;

@@ -23,7 +23,9 @@ use crate::memory::{Memory, Tape};
 use crate::model::{Gap, Input, LastInput, Process, SignalBuffer, Size};
 use crate::state::{ALIGNED, Layout, View};
 use crate::time::{Time, nanos};
-use std::sync::Arc;
+use alloc::boxed::Box;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 
 /// The parts of a filter: a [`Backend`] as objects. A program may supply custom objects.
 #[derive(Clone, Debug)]

@@ -58,8 +58,8 @@ mod tests {
     use crate::loss::Quadratic;
     use crate::model::{Input, Measurement, Process, Size, Undefined};
     use crate::state::{Dynamics, LayoutBuilder, Quantity, Slot, Vector, View};
+    use alloc::sync::Arc;
     use nalgebra::{Matrix1x2, Vector2};
-    use std::sync::Arc;
 
     /// Moves by a metre a second and grows ever less certain.
     #[derive(Debug)]

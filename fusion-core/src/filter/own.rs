@@ -3,6 +3,7 @@
 use crate::linear::Transition;
 use crate::math;
 use crate::state::{Dynamics, Layout};
+use alloc::vec::Vec;
 
 /// A tangent coordinate that walks: its axis, and the density of its noise.
 #[derive(Clone, Copy, Debug)]

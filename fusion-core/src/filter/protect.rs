@@ -16,7 +16,8 @@
 use super::kalman::Filter;
 use crate::math;
 use crate::state::{Block, Layout, StateRole};
-use std::sync::Arc;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 
 /// Standard normal quantile of the probability 0.999.
 const EXPLAINED: f64 = 3.090_232_306_167_813;

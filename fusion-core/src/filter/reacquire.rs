@@ -19,8 +19,9 @@
 use super::kalman::Filter;
 use super::step::Step;
 use crate::state::{Block, Layout, StateRole};
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 use core::ops::Range;
-use std::sync::Arc;
 
 /// The largest growth of the motion's σ: a centimetre becomes ten kilometres.
 const MOST_GROWTH: f64 = 1e6;

@@ -9,7 +9,8 @@ use crate::linear::Transition;
 use crate::loss::Loss;
 use crate::model::{Gap, Input, LastInput, Measurement, Process, SignalBuffer, Size, Undefined};
 use crate::state::{Layout, Quantity, Scalar};
-use std::sync::Arc;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 
 /// The parts of a sensor that a measurement needs to be linearised at another state.
 #[derive(Clone, Debug)]

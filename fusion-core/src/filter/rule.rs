@@ -9,6 +9,7 @@ use crate::covariance::{Covariance, Form, Workspace, axpy, cholesky, solve_lower
 use crate::linear::{BlockMatrix, Jacobian};
 use crate::model::{Input, LastInput, Process, Size, Undefined};
 use crate::state::{Block, Layout, StateRole};
+use alloc::vec::Vec;
 use core::fmt::Debug;
 
 /// How a measurement corrects the belief: two of the four steps of an update.

@@ -14,6 +14,7 @@
 use crate::covariance::{Covariance, Kernel, Lines, axpy};
 use crate::linear::{BlockMatrix, Transition, padded};
 use crate::math;
+use alloc::vec::Vec;
 
 /// How the sigma points are spread: the scaled set.
 #[derive(Clone, Copy, Debug, PartialEq)]

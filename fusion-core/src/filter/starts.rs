@@ -3,6 +3,7 @@
 use crate::belief::Belief;
 use crate::math;
 use crate::state::{Attitude, Block, Kind, Layout, Manifold, StateRole};
+use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 use core::ops::Range;
 use nalgebra::{Matrix3, Vector3};

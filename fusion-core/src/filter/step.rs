@@ -4,6 +4,8 @@ use super::estimator::Observed;
 use crate::belief::Belief;
 use crate::linear::{BlockMatrix, Jacobian, Transition};
 use crate::model::{Gap, Input, LastInput, Size};
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 /// The cause of a change of the belief that is not a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -9,8 +9,8 @@ use crate::model::{Input, Measurement, Process, Size, Undefined};
 use crate::state::{Attitude, Declaration, Dynamics, LayoutBuilder, Manifold, Param, Scalar, Slot, StateRole, Vector, View};
 use crate::testing::Lcg;
 use crate::time::Time;
+use alloc::sync::Arc;
 use nalgebra::{DMatrix, Matrix1, SMatrix, SVector};
-use std::sync::Arc;
 
 mod bank;
 mod curvature;

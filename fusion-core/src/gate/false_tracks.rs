@@ -3,6 +3,7 @@
 use super::{Answer, Gate, GateInput, Nis, Odds, Recovery};
 use crate::covariance::cholesky;
 use crate::math;
+use alloc::vec::Vec;
 use core::f64::consts::PI;
 
 /// How false measurements occur: one by one, or as a track that agrees with itself.

@@ -3,6 +3,7 @@
 use super::{Answer, Gate, GateInput, Lockout, Recovery};
 use crate::consistency::chi_square_quantile;
 use crate::math;
+use alloc::vec::Vec;
 
 /// Normalised innovation squared against a χ² quantile.
 #[derive(Clone, Debug)]

@@ -1,6 +1,7 @@
 //! A measurement is used only with that of another sensor.
 
 use super::{Answer, Decision, Gate, GateInput, Odds, Outcome};
+use alloc::boxed::Box;
 
 /// Rejects a measurement where the latest one of another sensor was not used; otherwise the
 /// sensor's own gate judges it.

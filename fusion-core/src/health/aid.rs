@@ -17,6 +17,7 @@ use crate::math;
 use crate::memory::{Memory, Tape};
 use crate::state::{AxisUnit, Block, Dynamics, Kind, Layout, StateRole};
 use crate::time::Time;
+use alloc::vec::Vec;
 
 /// In a row of H, a share does not count if it is below this fraction of the largest share, or of the innovation's
 /// 1σ. Examples are the curvature of the earth and a negligible lever arm. A share of 1e-3 of the 1σ needs a million

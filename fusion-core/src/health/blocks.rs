@@ -8,7 +8,8 @@ use crate::math;
 use crate::memory::{Memory, Tape};
 use crate::state::{AxisUnit, Block, Dynamics, Layout, StateRole};
 use crate::time::Time;
-use std::sync::Arc;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 
 /// A parameter is right again once the rest of a pull is within this number of its σ. With a separate error of 1σ in
 /// addition, that makes 3σ.

@@ -7,6 +7,7 @@ use super::{Limits, Reason, Watched};
 use crate::consistency::chi_square_quantile;
 use crate::filter::{Update, Verdict};
 use crate::time::Time;
+use alloc::vec::Vec;
 
 /// The least number of measurements that innovations are averaged over.
 const WINDOW: f64 = 10.0;

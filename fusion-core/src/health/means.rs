@@ -18,6 +18,7 @@
 
 use crate::filter::Update;
 use crate::math;
+use alloc::vec::Vec;
 
 /// Measurements that the noise is learnt from, and the number of measurements as which the declared noise counts at
 /// first.

@@ -21,6 +21,7 @@ mod pulse;
 #[cfg(test)]
 mod tests;
 
+use alloc::vec::Vec;
 pub use limits::{Floor, Limits};
 pub use monitor::{Monitor, Sign, Watched};
 

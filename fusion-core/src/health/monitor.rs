@@ -11,6 +11,7 @@ use crate::memory::{Memory, Tape};
 use crate::state::Layout;
 use crate::stream::StreamId;
 use crate::time::Time;
+use alloc::vec::Vec;
 
 /// Beliefs are looked at no more often than this \[s\].
 const PERIOD: f64 = 0.1;

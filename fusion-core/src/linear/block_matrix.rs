@@ -4,10 +4,11 @@ use super::padded;
 use super::pattern::{Element, Pattern};
 use crate::memory::{Memory, Tape};
 use crate::state::{Slot, Tangent};
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 use core::ops::Range;
 use fusion_kernels::{Lines, Plan, Reach};
 use nalgebra::SMatrix;
-use std::sync::Arc;
 
 /// A square block-sparse map, identity where nothing is written.
 #[derive(Clone, Debug)]

@@ -2,6 +2,7 @@
 
 use super::{BlockMatrix, padded};
 use crate::state::{Layout, Manifold, Quantity, Signal, Slot, Tangent};
+use alloc::vec::Vec;
 use core::fmt;
 use core::ops::Range;
 use nalgebra::SMatrix;

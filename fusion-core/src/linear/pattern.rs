@@ -1,6 +1,7 @@
 //! Which elements of a square map may differ from the identity.
 
 use super::padded;
+use alloc::vec::Vec;
 use fusion_kernels::{Plan, Reach};
 
 /// An element of an active row: where its value lies, and its column.

@@ -2,6 +2,7 @@
 
 use super::BlockMatrix;
 use crate::state::{Layout, Manifold, Slot, Tangent};
+use alloc::vec::Vec;
 use nalgebra::{SMatrix, SVector};
 
 /// Noise of an axis, at most `most` and what lifts its variance to `bound`: `value`, and `per` times the variances of the

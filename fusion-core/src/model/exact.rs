@@ -4,6 +4,7 @@
 //! model in [`Exact`]. One evaluation in real numbers finds the quantities that h reads. Dual
 //! numbers then carry the derivative along one tangent direction of these quantities at a time.
 
+use super::dual::{Dual, Real};
 use super::measurement::{Measurement, Size, Undefined};
 use crate::geometry::wgs84;
 use crate::linear::Jacobian;
@@ -12,12 +13,7 @@ use crate::state::{Angle, Attitude, Geodetic, Manifold, Position, Quantity, Scal
 use core::cell::RefCell;
 use core::fmt::Debug;
 use nalgebra::{SVector, Vector3};
-use num_dual::{Dual64, DualNum};
 use smallvec::{SmallVec, smallvec};
-
-/// A real or dual number over `f64`: the type parameter of h.
-pub trait Real: DualNum<Primitive = f64> + Copy {}
-impl<D: DualNum<Primitive = f64> + Copy> Real for D {}
 
 /// A measurement model given by h alone.
 pub trait ExactModel: Debug + Send + Sync {
@@ -184,14 +180,14 @@ impl<M: ExactModel> Measurement for Exact<M> {
         let mut value: SmallVec<[f64; 16]> = smallvec![0.0; m];
         let reads = RefCell::new(Reads::new());
         self.0.h(&ExactView::noting(at, &reads), &mut value)?;
-        let mut z: SmallVec<[Dual64; 16]> = smallvec![Dual64::from_re(0.0); m];
+        let mut z: SmallVec<[Dual; 16]> = smallvec![Dual::from(0.0); m];
         for Read { source, tangent, dim } in reads.into_inner() {
             for column in tangent..tangent + dim {
-                self.0.h(&ExactView::along(at, source, column, Dual64::new(0.0, 1.0)), &mut z)?;
+                self.0.h(&ExactView::along(at, source, column, Dual::EPSILON), &mut z)?;
                 for (row, z) in z.iter().enumerate() {
                     match source {
-                        Source::State => h.add_element(row, column, z.eps),
-                        Source::Signal => h.add_signal_element(row, column, z.eps),
+                        Source::State => h.add_element(row, column, z.slope),
+                        Source::Signal => h.add_signal_element(row, column, z.slope),
                     }
                 }
             }

@@ -2,6 +2,7 @@
 
 use crate::linear::Jacobian;
 use crate::state::View;
+use alloc::boxed::Box;
 use core::fmt::Debug;
 use thiserror::Error;
 

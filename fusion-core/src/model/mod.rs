@@ -1,9 +1,11 @@
 //! The traits a model implements. A model knows no estimator, no covariance and no state index.
 
+mod dual;
 mod exact;
 mod measurement;
 mod process;
 
-pub use exact::{Exact, ExactModel, ExactView, Real};
+pub use dual::Real;
+pub use exact::{Exact, ExactModel, ExactView};
 pub use measurement::{Measurement, Size, Undefined};
 pub use process::{Gap, Input, LastInput, Order, Preparation, Prepared, Process, SignalBuffer, SignalsOut};

@@ -4,6 +4,8 @@ use crate::covariance::Covariance;
 use crate::linear::{Jacobian, Transition};
 use crate::memory::Memory;
 use crate::state::{Layout, Manifold, Quantity, Signal, Slot, Tangent, View};
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 use core::fmt::Debug;
 use core::ops::Range;
 use nalgebra::{Matrix3, SMatrix};

@@ -5,6 +5,8 @@ use crate::filter::{FilterError, Rivals, Step, Update};
 use crate::health::{Health, State};
 use crate::runner::StreamId;
 use crate::time::Time;
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 /// Why an observer cannot continue; it stops the run.
 pub type Halt = Box<dyn core::error::Error + Send + Sync>;

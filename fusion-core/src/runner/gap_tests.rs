@@ -11,8 +11,8 @@ use crate::memory::{Memory, Tape};
 use crate::model::{Gap, Input, Process, Size};
 use crate::state::{Block, Declaration, Dynamics, Layout, LayoutBuilder, Scalar, StateRole, View};
 use crate::time::{Time, nanos};
+use alloc::sync::Arc;
 use nalgebra::Matrix1;
-use std::sync::Arc;
 
 mod realign;
 mod spikes;

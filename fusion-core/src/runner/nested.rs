@@ -17,6 +17,8 @@ use crate::geometry::so3;
 use crate::math;
 use crate::state::{Attitude, Block, Manifold, View};
 use crate::time::Time;
+use alloc::string::String;
+use alloc::vec::Vec;
 use core::ops::Range;
 
 /// The part of the estimate inside, or of the row that drove it, that leaves as numbers of a row.
@@ -185,8 +187,8 @@ mod tests {
     use crate::runner::{Discard, Noise, Port, Sensor, StageUnit};
     use crate::state::{Dynamics, LayoutBuilder, Scalar, Signal, Slot};
     use crate::time::nanos;
+    use alloc::sync::Arc;
     use nalgebra::Matrix1;
-    use std::sync::Arc;
 
     /// Moves at the rate that its input gives, and gives that rate as a signal.
     #[derive(Debug)]

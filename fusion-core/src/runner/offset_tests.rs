@@ -9,7 +9,7 @@ use crate::loss::Quadratic;
 use crate::model::{Process, Size};
 use crate::state::{Dynamics, LayoutBuilder, Quantity, Scalar, Slot, View};
 use crate::time::{Time, nanos};
-use std::sync::Arc;
+use alloc::sync::Arc;
 
 /// The true delays of the two sensors \[s\].
 const TRUE: [f64; 2] = [0.31, 0.12];

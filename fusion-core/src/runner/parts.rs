@@ -10,8 +10,11 @@ use crate::memory::Memory;
 use crate::model::Measurement;
 use crate::state::{Layout, Quantity, Scalar, View};
 use crate::time::{Time, nanos};
+use alloc::boxed::Box;
+use alloc::string::String;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 use core::fmt::Debug;
-use std::sync::Arc;
 
 /// Which numbers of a stream's rows a consumer takes, in its own order.
 #[derive(Clone, Debug, Default)]

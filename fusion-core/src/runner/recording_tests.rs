@@ -11,8 +11,8 @@ use crate::memory::{Memory, Tape};
 use crate::model::{Input, Process, Size};
 use crate::state::{Declaration, Dynamics, Layout, LayoutBuilder, Scalar, Slot, StateRole};
 use crate::time::Time;
+use alloc::sync::Arc;
 use nalgebra::Matrix1;
-use std::sync::Arc;
 
 /// A position that walks.
 #[derive(Debug)]

@@ -2,6 +2,7 @@
 
 use super::{RowId, StreamId};
 use crate::time::Time;
+use alloc::vec::Vec;
 use core::ops::Range;
 
 /// A row as it is fed.

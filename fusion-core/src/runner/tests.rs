@@ -8,7 +8,7 @@ use crate::loss::Quadratic;
 use crate::model::{Measurement, Process, Size, Undefined};
 use crate::state::{Dynamics, LayoutBuilder, Scalar, Slot, View};
 use crate::time::{Time, nanos};
-use std::sync::Arc;
+use alloc::sync::Arc;
 
 const WILD: f64 = 1000.0;
 

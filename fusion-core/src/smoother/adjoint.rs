@@ -10,7 +10,8 @@ use crate::linear::{BlockMatrix, padded};
 use crate::math;
 use crate::memory::{Memory, Tape};
 use crate::state::Layout;
-use std::sync::Arc;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 
 /// λ and Λ at an instant, and the memory to move them.
 #[derive(Clone, Debug)]

@@ -8,7 +8,8 @@ use crate::belief::Belief;
 use crate::filter::Parts;
 use crate::runner::Halt;
 use crate::state::Layout;
-use std::sync::Arc;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 
 /// Smooths by all data of a log.
 ///

@@ -16,8 +16,9 @@ use crate::memory::{Memory, Tape};
 use crate::runner::Halt;
 use crate::state::Layout;
 use crate::time::Time;
-use std::collections::VecDeque;
-use std::sync::Arc;
+use alloc::collections::VecDeque;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 
 /// Smooths each belief by the data up to a fixed time after it.
 ///

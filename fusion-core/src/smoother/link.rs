@@ -5,6 +5,7 @@ use crate::covariance::{axpy, cholesky, solve_lower};
 use crate::filter::Step;
 use crate::linear::{BlockMatrix, Jacobian};
 use crate::time::Time;
+use alloc::vec::Vec;
 
 /// A step of the filter as a smoother takes it: how it carries errors, M = (I + D)(I − K̃H̃), and what it learns.
 ///

@@ -4,7 +4,8 @@ use crate::belief::Belief;
 use crate::covariance::{Covariance, Form, FormKind};
 use crate::model::LastInput;
 use crate::time::Time;
-use std::sync::Arc;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 use thiserror::Error;
 
 /// A record differs from the record that was written.
@@ -32,6 +33,7 @@ impl Kind {
 /// Writing numbers.
 pub(super) mod put {
     use crate::time::Time;
+    use alloc::vec::Vec;
 
     pub(in super::super) fn time(out: &mut Vec<u8>, time: Time) {
         out.extend_from_slice(&time.nanos().to_le_bytes());

@@ -2,6 +2,8 @@
 
 use super::record::Unreadable;
 use crate::runner::Halt;
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 /// Bytes of a block: some hundred steps, read from a disk at once.
 const BLOCK: usize = 1 << 20;

@@ -14,8 +14,8 @@ use crate::model::{Input, Measurement, Size, Undefined};
 use crate::runner::Halt;
 use crate::state::{Attitude, Dynamics, Geodetic, Layout, LayoutBuilder, Scalar, Slot, Vector, Velocity, View};
 use crate::testing::Lcg;
+use alloc::sync::Arc;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use std::sync::Arc;
 
 fn plain() -> Parts {
     Backend::default().into()

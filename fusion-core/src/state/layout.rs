@@ -4,6 +4,9 @@ use super::manifold::{Kind, Manifold, Vector, is_rotation};
 use super::name::QuantityName;
 use super::quantity::{Quantity, Signal, Slot};
 use super::space::Space;
+use alloc::borrow::ToOwned;
+use alloc::string::String;
+use alloc::vec::Vec;
 use thiserror::Error;
 
 /// How a block moves by itself between measurements.

@@ -1,5 +1,6 @@
 //! Names of states and signals, typed by the manifold that their values live on.
 
+use alloc::string::String;
 use core::{fmt, marker::PhantomData};
 
 /// The name of a state or signal, and the manifold `M` of its values.

@@ -10,8 +10,8 @@ use crate::loss::Quadratic;
 use crate::math;
 use crate::model::{Input, Measurement, Process, Size, Undefined};
 use crate::state::{Declaration, Dynamics, Layout, LayoutBuilder, Quantity, Scalar, Slot, StateRole, View};
+use alloc::sync::Arc;
 use nalgebra::{DMatrix, DVector, Matrix1};
-use std::sync::Arc;
 
 /// A layout of `n` scalars.
 pub(crate) fn scalars(n: usize) -> Result<(Layout, Vec<Slot<Scalar>>), String> {

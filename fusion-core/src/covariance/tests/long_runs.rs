@@ -4,8 +4,8 @@ use crate::covariance::{Covariance, Form, FormKind, Workspace, cholesky};
 use crate::linear::{Jacobian, Transition, padded};
 use crate::state::{Layout, Quantity, Scalar, Slot};
 use crate::testing::{Lcg, double::Double, scalars};
+use alloc::sync::Arc;
 use nalgebra::{DMatrix, Matrix1};
-use std::sync::Arc;
 
 /// A filter without a state: P of `n` numbers in a form, Φ and H.
 struct Bare {

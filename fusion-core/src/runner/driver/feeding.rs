@@ -8,6 +8,7 @@ use crate::runner::scheduler::{Emission, Waiting};
 use crate::runner::watching::Watch;
 use crate::runner::{Discard, Event, Halt, Observer, Row, RunError};
 use crate::time::Time;
+use alloc::boxed::Box;
 
 impl Runner {
     /// Takes a row and processes everything it completes.

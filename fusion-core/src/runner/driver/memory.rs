@@ -13,6 +13,8 @@ use crate::runner::Event;
 use crate::runner::consumer::Consumer;
 use crate::runner::input::Sample;
 use crate::time::Time;
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 /// Whether the runner is on a detour, and its memory before that.
 #[derive(Clone, Debug, Default)]

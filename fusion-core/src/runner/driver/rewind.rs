@@ -22,7 +22,8 @@ use crate::runner::queue::{Admission, Quarantine};
 use crate::runner::rows::Copied;
 use crate::runner::{Event, Halt, Observer, Row};
 use crate::time::{Time, nanos};
-use std::collections::VecDeque;
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
 
 /// How often a runner went back, and the data that it keeps for this.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

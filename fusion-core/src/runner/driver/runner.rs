@@ -12,7 +12,10 @@ use crate::runner::queue::Queue;
 use crate::runner::scheduler::Scheduler;
 use crate::runner::{InitialiserUnit, InputLimits, Port, RewindNeeds, Rewinds, Sensor, StageUnit, StreamId, Tested};
 use crate::time::nanos;
-use std::sync::Arc;
+use alloc::boxed::Box;
+use alloc::string::String;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 
 /// Merges streams in time and drives an estimator.
 ///

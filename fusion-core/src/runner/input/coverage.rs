@@ -1,6 +1,7 @@
 //! The time that the input covers: by its samples, and by coasting through a gap.
 
 use crate::time::Time;
+use alloc::vec::Vec;
 
 /// The latest row, the gap after it, and how long both may last.
 #[derive(Clone, Debug, Default)]

@@ -9,6 +9,7 @@
 
 use crate::model::Input;
 use crate::time::Time;
+use alloc::vec::Vec;
 use core::ops::Range;
 
 /// The values of α. If the best α is between two of them, the mean square is above the least: by 4 % at ⅛, by 14 %

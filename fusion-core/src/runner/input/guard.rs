@@ -11,6 +11,7 @@
 //!         repeats itself rarely
 
 use crate::runner::Discard;
+use alloc::vec::Vec;
 
 /// A change is suspect above this many times the mean size of changes. Of Gaussian noise one change
 /// in 10⁵⁵ is; road shocks of a car stay below 12 (measured on recorded drives).

@@ -10,8 +10,9 @@ use crate::model::{Input, Process};
 use crate::runner::rows::Stored;
 use crate::runner::{Discard, InputLimits, Port, RowId};
 use crate::time::{Time, nanos};
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
 use core::ops::Range;
-use std::collections::VecDeque;
 
 /// A row of the input: its identity, the end of its sample, and the numbers that the process reads.
 #[derive(Clone, Debug, Default)]

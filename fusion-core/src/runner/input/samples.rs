@@ -3,7 +3,9 @@
 use crate::memory::{Memory, Tape};
 use crate::model::{Input, Preparation, Prepared};
 use crate::time::Time;
-use std::collections::VecDeque;
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
 
 /// A sample of the process input and the interval that it covers.
 #[derive(Clone, Debug, Default)]

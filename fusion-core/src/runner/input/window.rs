@@ -9,8 +9,9 @@
 use crate::memory::{Memory, Tape};
 use crate::model::Input;
 use crate::time::{Time, nanos};
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
 use core::ops::Range;
-use std::collections::VecDeque;
 
 /// Over how long the input is averaged \[s\].
 const WINDOW: f64 = 0.1;

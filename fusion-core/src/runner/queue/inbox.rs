@@ -10,6 +10,9 @@ use crate::runner::consumer::{Consumer, Delays, Refused, Route};
 use crate::runner::rows::{Copied, Stored};
 use crate::runner::{Discard, Row, RowId, StreamId, WrongWidth};
 use crate::time::{Time, nanos};
+use alloc::borrow::ToOwned;
+use alloc::string::String;
+use alloc::vec::Vec;
 
 #[derive(Clone, Debug)]
 struct Stream {

@@ -3,7 +3,7 @@
 use crate::memory::{Memory, Tape};
 use crate::runner::consumer::Consumer;
 use crate::time::Time;
-use std::collections::VecDeque;
+use alloc::collections::VecDeque;
 
 /// A row for one of its consumers: when it is valid, and its number among the rows kept.
 #[derive(Clone, Copy, Debug, Default)]

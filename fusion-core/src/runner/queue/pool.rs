@@ -4,6 +4,7 @@ use crate::memory::{Memory, Tape};
 use crate::runner::rows::Stored;
 use crate::runner::{Row, StreamId};
 use crate::time::Time;
+use alloc::vec::Vec;
 
 /// A row, and the number of consumers that still have to use it.
 #[derive(Clone, Debug, Default)]

@@ -9,7 +9,8 @@ use crate::memory::{Memory, Tape};
 use crate::runner::Row;
 use crate::runner::rows::Copied;
 use crate::time::{Time, nanos};
-use std::collections::VecDeque;
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
 
 /// Successive rows whose stamps are wrong, at most.
 const LONGEST_RUN: usize = 20;

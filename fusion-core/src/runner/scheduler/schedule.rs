@@ -12,7 +12,8 @@ use crate::runner::consumer::{Consumer, Delays, PROCESS, Refused, Route};
 use crate::runner::rows::Stored;
 use crate::runner::{Event, Halt, InitialiserUnit, Observer, Sensor, StageUnit, StreamId};
 use crate::time::{Time, nanos};
-use std::collections::VecDeque;
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
 
 /// Serves sensors, stages and initialisers, and drives the estimator.
 #[derive(Debug)]

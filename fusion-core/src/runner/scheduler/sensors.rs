@@ -8,6 +8,7 @@ use crate::runner::consumer::Delays;
 use crate::runner::rows::Stored;
 use crate::runner::{Discard, Event, Halt, Observer, RowId, Sensor};
 use crate::time::Time;
+use alloc::vec::Vec;
 
 /// A measurement: when it is valid, its sensor, and the number of its row in the queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

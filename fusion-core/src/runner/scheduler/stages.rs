@@ -6,6 +6,7 @@ use crate::runner::rows::Stored;
 use crate::runner::{Emitter, Halt, Observer, StageUnit, StreamId};
 use crate::state::View;
 use crate::time::Time;
+use alloc::vec::Vec;
 
 /// Rows that a stage has emitted.
 #[derive(Debug)]

@@ -20,7 +20,8 @@ use crate::runner::rows::Stored;
 use crate::runner::{Discard, InitialiserUnit};
 use crate::state::{ALIGNED, Layout, StateRole};
 use crate::time::{Time, nanos};
-use std::sync::Arc;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
 
 /// Whether the filter runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

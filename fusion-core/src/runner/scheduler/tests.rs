@@ -16,7 +16,7 @@ use crate::runner::rows::Stored;
 use crate::runner::{Discard, Event, Halt, Initialiser, InitialiserUnit, Noise, Observer, Port, Row, Sensor};
 use crate::state::{Angle, Declaration, Dynamics, Layout, LayoutBuilder, Scalar, Slot, StateRole};
 use crate::time::Time;
-use std::sync::Arc;
+use alloc::sync::Arc;
 
 /// Turns at the rate of its input, if it reads one. In a gap it may turn by a radian a second.
 #[derive(Debug)]

@@ -7,6 +7,7 @@ use crate::runner::Halt;
 use crate::smoother::adjoint::Adjoint;
 use crate::smoother::link::Link;
 use crate::smoother::tape::Tape;
+use alloc::vec::Vec;
 
 /// A measurement after the latest state, which is not known yet: its H̃, the factor of S, and R.
 struct Later {

@@ -10,6 +10,7 @@ use crate::memory;
 use crate::runner::Halt;
 use crate::smoother::record::pack_lower;
 use crate::smoother::tape::Tape;
+use alloc::vec::Vec;
 
 impl IteratedInterval {
     /// Follows the planned direction by `part`, and linearises there. Returns the merit of the new trajectory, by the

@@ -29,6 +29,7 @@ mod record;
 #[cfg(test)]
 mod tests;
 
+use alloc::vec::Vec;
 pub use record::Replayed;
 
 use super::adjoint::Corrector;
@@ -41,9 +42,9 @@ use crate::memory;
 use crate::model::{LastInput, Process};
 use crate::runner::Halt;
 use crate::state::Layout;
+use alloc::sync::Arc;
 use record::{Linear, Operation, Planned};
 use serde::Serialize;
-use std::sync::Arc;
 use thiserror::Error;
 
 /// The distance from the optimum at which the iteration ends, in σ of every smoothed state.

@@ -7,6 +7,7 @@ use crate::memory::{self, Memory, Tape};
 use crate::model::{Gap, LastInput};
 use crate::smoother::link::Link;
 use crate::smoother::record::Kept;
+use alloc::vec::Vec;
 
 /// An element of a noise: row, column, value.
 pub(super) type Entry = (u16, u16, f64);
