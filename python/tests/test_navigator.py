@@ -38,6 +38,23 @@ def test_rows_in_arrays_are_rows_one_by_one():
     assert nav.health[0] == "good", nav
 
 
+def test_the_solution_after_each_row_is_that_of_a_filter_fed_row_by_row():
+    nav, single = fusion.Navigator(EMBEDDED), fusion.Navigator(EMBEDDED)
+    t, imu = rows(0, 2000)
+    for each in (nav, single):
+        each.feed("gnss", 0.0, [0.63, 2.26, 50.0])
+    after = nav.feed("imu", t, imu, solutions=True)
+    assert after["time"].shape == (2000,) and after["sigma_velocity"].shape == (2000, 3)
+    for k in range(t.size):
+        single.feed("imu", t[k], imu[k])
+        if single.solution is None:
+            assert np.isnan(after["time"][k]) and np.all(np.isnan(after["position"][k]))
+        else:
+            assert all(np.array_equal(after[name][k], value) for name, value in single.solution.items())
+    assert np.isnan(after["time"][0]) and after["time"][-1] == t[-1]
+    assert nav.feed("imu", t[-1:] + 0.01, imu[-1:]) is None
+
+
 def test_it_tells_what_it_needs_and_what_it_has():
     nav = fusion.Navigator(EMBEDDED)
     assert nav.solution is None and nav.states is None and nav.predict(1.0) is None

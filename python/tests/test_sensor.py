@@ -104,3 +104,24 @@ def test_an_exception_leaves_the_measurement_out_and_is_shown(rows, monkeypatch)
     assert set(result.innovations["height"].verdict) == {"undefined"}
     assert shown and set(shown) == {"no chart of this place"}
     assert len(result.estimates) > 1000
+
+
+def test_a_sensor_that_asks_the_navigator_that_calls_it_has_an_error(rows, monkeypatch):
+    asked = {}
+
+    @fusion.sensor(reads={"position": "geodetic"}, unit="m")
+    def asks(place):
+        return asked["navigator"].solution["position"][2]
+
+    shown = []
+    monkeypatch.setattr("sys.unraisablehook", lambda told: shown.append(str(told.exc_value)))
+    nav = asked["navigator"] = fusion.Navigator(fusion.Design(RECORDED + IN_PYTHON.replace("FUNCTION", "asks")))
+    imu, gnss = rows["imu"], rows["gnss"]
+    nav.feed("gnss", 0.0, [0.63, 2.26, 50.0])
+    axes = np.column_stack([imu[name] for name in ("gx", "gy", "gz", "ax", "ay", "az")])
+    table = axes * np.repeat([np.pi / 180, 9.80665], 3)
+    nav.feed("imu", imu["t"][:2900], table[:2900])
+    nav.feed("baro", 29.0, [50.0])
+    nav.feed("imu", imu["t"][2900:], table[2900:])
+    assert shown and "this filter is at work" in shown[0]
+    assert nav.solution is not None

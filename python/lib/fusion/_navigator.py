@@ -38,10 +38,13 @@ class Navigator:
             name: {channel: slice(first, first + width) for channel, first, width in channels} for name, channels in streams
         }
 
-    def feed(self, stream: str, time: Any, rows: Any) -> None:
+    def feed(self, stream: str, time: Any, rows: Any, *, solutions: bool = False) -> dict[str, Any] | None:
         """Feeds rows of a stream: times [s] of shape (n,) and numbers of shape (n, width), in SI with angles in radians.
 
         A single row has a number as time and one axis. NaN is a missing value. Other threads of Python run meanwhile.
+
+        With `solutions`, returns the `solution` after each row: arrays of shape (n,) for `time` and (n, 3) for the others.
+        They are NaN where the filter has not started, or has no such quantity.
 
         Raises
         ------
@@ -56,7 +59,7 @@ class Navigator:
             table = table.reshape(len(times), -1)
         if table.ndim != 2 or times.ndim != 1 or len(table) != len(times):
             raise ValueError(f"time has the shape {times.shape} and rows {table.shape}: (n,) and (n, width) are expected")
-        self._native.feed(stream, times, table)
+        return self._native.feed(stream, times, table, solutions)
 
     def finish(self) -> None:
         """Uses the rows that are held back for late ones."""
