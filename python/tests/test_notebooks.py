@@ -50,3 +50,23 @@ def test_a_campaign_on_dask(tmp_path):
     pytest.importorskip("distributed")
     _, pictures = run("campaign.ipynb", tmp_path)
     assert len(pictures) == 2
+
+
+def test_beside_others(data, tmp_path, monkeypatch):
+    for peer in ("ahrs", "filterpy", "gtsam", "vqf"):
+        pytest.importorskip(peer)
+    monkeypatch.setenv("FUSION_DATA", str(data))
+    notebook, _ = run("beside-others.ipynb", tmp_path)
+    robots, units = (
+        {line[:22].strip(): line[22:].split() for line in output["text"].splitlines()[1:]}
+        for cell in notebook.cells
+        for output in cell.get("outputs", [])
+        if output.get("name") == "stdout"
+    )
+    # The same equations have the same errors, but for the place of the noise within a step.
+    ours, theirs = (float(robots[name][0]) for name in ("fusion, error_state", "filterpy, EKF"))
+    assert abs(ours - theirs) < 0.02 * theirs
+    # A filter finds the most probable path if its chart suits the problem; 5 %: the path is smoothed, the filter is not.
+    ours, theirs = (float(robots[name][0]) for name in ("fusion, invariant", "gtsam, iSAM2"))
+    assert abs(ours - theirs) < 0.05 * theirs
+    assert len(units) == 5
