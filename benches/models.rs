@@ -143,7 +143,9 @@ fn sensor(r: &Registration) {
     let mut signals = [SignalBuffer::new(&own.layout), SignalBuffer::new(&own.layout)];
     let predict = |signals: &mut SignalBuffer, x: &[f64], z: &mut [f64]| {
         signals.evaluate(own.process.as_ref(), black_box(x), &own.input(), false);
-        model.predict(&signals.view(x), z).expect("it has a value here");
+        model
+            .predict(&signals.view(x).with_given(model.given()), z)
+            .expect("it has a value here");
     };
     let (of_h, of_differences) = signals.split_at_mut(1);
     let mut other = z.clone();
@@ -152,7 +154,9 @@ fn sensor(r: &Registration) {
             let signals = &mut of_h[0];
             predict(signals, &own.x, &mut z);
             h.reset(residual);
-            model.jacobian(&signals.view(&own.x), &mut h).expect("it has a derivative here");
+            model
+                .jacobian(&signals.view(&own.x).with_given(model.given()), &mut h)
+                .expect("it has a derivative here");
             if h.needs_signals() {
                 signals.evaluate(own.process.as_ref(), &own.x, &own.input(), true);
             }

@@ -104,6 +104,15 @@ pub mod channel {
     /// Velocity of the body in its own axes, forward, right, down \[m/s\].
     pub const BODY_VELOCITY: Channel = Channel::vector(state::BODY_VELOCITY.as_str(), 3, dim::Speed::KIND.dimension);
 
+    /// Pseudorange of a satellite, corrected for the clock of the satellite \[m\].
+    pub const PSEUDORANGE: Channel = Channel::vector("pseudorange", 1, dim::Length::KIND.dimension);
+    /// Rate of the pseudorange, corrected for the drift of the clock of the satellite \[m/s\].
+    pub const PSEUDORANGE_RATE: Channel = Channel::vector("pseudorange_rate", 1, dim::Speed::KIND.dimension);
+    /// Position of the satellite at transmission, Earth-centred Earth-fixed axes of that time \[m\].
+    pub const SATELLITE_POSITION: Channel = Channel::vector("satellite_position", 3, dim::Length::KIND.dimension);
+    /// Its velocity relative to the Earth in the same axes \[m/s\].
+    pub const SATELLITE_VELOCITY: Channel = Channel::vector("satellite_velocity", 3, dim::Speed::KIND.dimension);
+
     /// The channel with this name, if it is one of these.
     #[must_use]
     pub fn known(name: &str) -> Option<Channel> {
@@ -128,6 +137,10 @@ pub mod channel {
             LEFT_TRACK,
             RIGHT_TRACK,
             BODY_VELOCITY,
+            PSEUDORANGE,
+            PSEUDORANGE_RATE,
+            SATELLITE_POSITION,
+            SATELLITE_VELOCITY,
         ];
         all.into_iter().find(|channel| channel.name == name)
     }

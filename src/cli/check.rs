@@ -291,6 +291,7 @@ fn state(assembly: &Assembly) -> Table {
                 let density: Vec<f64> = psd.iter().map(|q| q.sqrt()).collect();
                 format!("random walk {}/√s", unit.list(&density))
             }
+            Dynamics::Integral { rate, .. } => format!("integral of {rate}"),
             Dynamics::GaussMarkov { sigma, tau } => format!("Gauss-Markov {} in {} s", unit.list(sigma), short(*tau)),
         };
         t.row([

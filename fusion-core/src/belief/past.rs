@@ -159,6 +159,8 @@ impl Past {
 pub fn own_dynamics(block: &Block, k: usize, elapsed: f64) -> (f64, f64) {
     match &block.dynamics {
         Dynamics::Process | Dynamics::Constant => (1.0, 0.0),
+        // The part of the rate is uncertain without limit here: its block alone says nothing about it.
+        Dynamics::Integral { .. } => (1.0, f64::INFINITY),
         Dynamics::RandomWalk { psd } => (1.0, psd[k] * elapsed),
         Dynamics::GaussMarkov { sigma, tau } => {
             let decay = math::exp(-elapsed / tau);

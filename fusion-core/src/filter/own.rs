@@ -1,4 +1,6 @@
-//! The own dynamics of state blocks: random walks and Gauss-Markov decay.
+//! The own dynamics of state blocks: random walks, Gauss-Markov decay and integrals.
+//!
+//! Integral   x⁺ = x + r Δt; noise S_x Δt + S_r Δt³/3 of x, S_r Δt²/2 of x with r (Brown and Hwang 2012, §9.3, for a clock)
 
 use crate::linear::Transition;
 use crate::math;
@@ -24,11 +26,24 @@ struct Markov {
     decay: f64,
 }
 
+/// A tangent coordinate that integrates another.
+#[derive(Clone, Copy, Debug)]
+struct Integral {
+    axis: usize,
+    storage: usize,
+    psd: f64,
+    /// Axis and place of the rate, and the density of its noise.
+    rate_axis: usize,
+    rate_storage: usize,
+    rate_psd: f64,
+}
+
 /// The own dynamics that the blocks of a layout declare.
 #[derive(Clone, Debug)]
 pub(super) struct OwnDynamics {
     walks: Vec<Walk>,
     markovs: Vec<Markov>,
+    integrals: Vec<Integral>,
     /// The different correlation times τ \[s\], each with its exp(−Δt/τ). If steps are not equally long, as in
     /// recorded logs, each exponential is computed once for all axes.
     times: Vec<(f64, f64)>,
@@ -43,6 +58,7 @@ impl OwnDynamics {
         let mut own = Self {
             walks: Vec::new(),
             markovs: Vec::new(),
+            integrals: Vec::new(),
             times: Vec::new(),
             noise: Vec::new(),
             dt: 0.0,
@@ -61,11 +77,22 @@ impl OwnDynamics {
                             decay: 1.0,
                         });
                     }
+                    Dynamics::Integral { rate, psd } => own.integrals.extend(layout.block(rate).map(|rate| Integral {
+                        axis,
+                        storage: b.storage + k,
+                        psd: psd[k],
+                        rate_axis: rate.tangent + k,
+                        rate_storage: rate.storage + k,
+                        rate_psd: match &rate.dynamics {
+                            Dynamics::RandomWalk { psd } => psd[k],
+                            _ => 0.0,
+                        },
+                    })),
                     _ => {}
                 }
             }
         }
-        own.noise.reserve(own.walks.len() + own.markovs.len());
+        own.noise.reserve(own.walks.len() + own.markovs.len() + 3 * own.integrals.len());
         own
     }
 
@@ -85,6 +112,9 @@ impl OwnDynamics {
         for markov in &self.markovs {
             out.phi.set_element(markov.axis, markov.axis, markov.decay);
         }
+        for integral in &self.integrals {
+            out.phi.set_element(integral.axis, integral.rate_axis, dt);
+        }
         out.after.entries.extend_from_slice(&self.noise);
     }
 
@@ -100,10 +130,17 @@ impl OwnDynamics {
         let entry = |(axis, variance)| (axis as u16, axis as u16, variance);
         self.noise.clear();
         self.noise.extend(walks.chain(markovs).map(entry));
+        for i in &self.integrals {
+            let (own, rate) = (i.axis as u16, i.rate_axis as u16);
+            let with_rate = i.rate_psd * dt * dt / 2.0;
+            self.noise.push((own, own, i.psd * dt + i.rate_psd * dt * dt * dt / 3.0));
+            self.noise.extend([(own, rate, with_rate), (rate, own, with_rate)]);
+        }
     }
 
-    /// Gauss-Markov decay of the state over the step that was written last.
+    /// Gauss-Markov decay and integrals of the state over the step that was written last.
     pub(super) fn decay(&self, x: &mut [f64]) {
+        self.integrals.iter().for_each(|i| x[i.storage] += self.dt * x[i.rate_storage]);
         self.markovs.iter().for_each(|markov| x[markov.storage] *= markov.decay);
     }
 }

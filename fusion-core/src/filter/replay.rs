@@ -95,7 +95,7 @@ impl Replay {
             let input = offered.derivative_input.as_ref().unwrap_or(input);
             self.signals.evaluate(self.process.as_ref(), x, &input.get(), true);
         }
-        let view = self.signals.view(x);
+        let view = self.signals.view(x).with_given(model.given_in(&offered.value));
         model.predict(&view, &mut work.predicted[..value])?;
         if !offered.input_change.is_empty() {
             model.perturb(&mut work.predicted[..value], &offered.input_change);

@@ -124,14 +124,15 @@ impl Problem<'_> {
     pub fn predict_at(&mut self, x: &[f64], value: &mut [f64]) -> Result<(), Undefined> {
         self.signals.forget();
         let (model, signals) = (self.observed.model, &mut *self.signals);
+        let given = model.given_in(self.observed.value);
         if let Some(smooth) = self.observed.derivative_input.filter(|_| model.reads_signals()) {
             signals.smooth.evaluate(self.process, x, &smooth, false);
-            return model.predict(&signals.smooth.view(x), value);
+            return model.predict(&signals.smooth.view(x).with_given(given), value);
         }
         if model.reads_signals() {
             signals.evaluate(self.process, x, self.input, false);
         }
-        let predicted = model.predict(&signals.buffer.view(x), value);
+        let predicted = model.predict(&signals.buffer.view(x).with_given(given), value);
         self.signals.forget();
         predicted
     }
@@ -149,7 +150,7 @@ impl Problem<'_> {
                 if model.reads_signals() {
                     self.signals.evaluate(process, x, input, false);
                 }
-                let view = self.signals.buffer.view(x);
+                let view = self.signals.buffer.view(x).with_given(model.given_in(o.value));
                 model.predict(&view, &mut work.predicted[..value])?;
                 model.jacobian(&view, &mut work.jacobian)?;
                 if work.jacobian.needs_signals() {
@@ -173,16 +174,17 @@ impl Problem<'_> {
         let (o, process, signals) = (self.observed, self.process, &mut *self.signals);
         let (model, Size { value, residual: m }) = (o.model, o.model.size());
         let (predicted, change) = (&mut work.predicted[..value], &mut work.input_change[..m]);
+        let given = model.given_in(o.value);
         signals.smooth.evaluate(process, x, smooth, false);
-        model.predict(&signals.smooth.view(x), predicted)?;
+        model.predict(&signals.smooth.view(x).with_given(given), predicted)?;
         if is_estimate {
             signals.evaluate(process, x, self.input, false);
             let raw = &mut work.trial.value[..value];
-            model.predict(&signals.buffer.view(x), raw)?;
+            model.predict(&signals.buffer.view(x).with_given(given), raw)?;
             model.residual(raw, predicted, change);
         }
         model.perturb(predicted, change);
-        model.jacobian(&signals.smooth.view(x), &mut work.jacobian)?;
+        model.jacobian(&signals.smooth.view(x).with_given(given), &mut work.jacobian)?;
         if !work.jacobian.needs_signals() {
             return Ok(());
         }
@@ -192,7 +194,8 @@ impl Problem<'_> {
             signals.smooth.evaluate(process, &work.moved, smooth, false);
             work.by_parameter.reset(m);
             // If h has no value there, only the derivative at the present state remains.
-            if model.jacobian(&signals.smooth.view(&work.moved), &mut work.by_parameter).is_ok() {
+            let earlier = signals.smooth.view(&work.moved).with_given(given);
+            if model.jacobian(&earlier, &mut work.by_parameter).is_ok() {
                 for block in parameters(self.layout) {
                     work.jacobian.copy_columns(block.tangent_range(), &work.by_parameter);
                 }

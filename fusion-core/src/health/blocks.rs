@@ -205,6 +205,8 @@ impl Blocks {
 fn wandered(block: &Block, k: usize, elapsed: f64) -> f64 {
     match &block.dynamics {
         Dynamics::Process | Dynamics::Constant => 0.0,
+        // Its rate moves it without limit.
+        Dynamics::Integral { .. } => f64::INFINITY,
         Dynamics::RandomWalk { psd } => psd[k] * elapsed,
         Dynamics::GaussMarkov { sigma, .. } => sigma[k] * sigma[k],
     }

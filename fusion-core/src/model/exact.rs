@@ -90,6 +90,12 @@ impl<'a, D: Real> ExactView<'a, D> {
         Some((source, tangent))
     }
 
+    /// The given numbers of the row, see [`Measurement::given`].
+    #[must_use]
+    pub const fn given(&self) -> &'a [f64] {
+        self.at.given()
+    }
+
     fn delta(&self, place: Option<(Source, usize)>, i: usize) -> D {
         match (place, &self.seed) {
             (Some((source, tangent)), Some((s, k, d))) if source == *s && tangent + i == *k => *d,

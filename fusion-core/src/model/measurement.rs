@@ -52,6 +52,19 @@ pub trait Measurement: Debug + Send + Sync {
         true
     }
 
+    /// An example of the numbers of a row that h takes as given: the place of a satellite at the time of a range. They
+    /// are the last numbers of the value. [`View::given`] has them, [`predict`](Self::predict) repeats them, and
+    /// residual and perturb leave them out. The laws try the model with the example. Empty for most models.
+    fn given(&self) -> &'static [f64] {
+        &[]
+    }
+
+    /// The given numbers in the value `z`.
+    fn given_in<'z>(&self, z: &'z [f64]) -> &'z [f64] {
+        let all = self.size().value;
+        z.get(all.saturating_sub(self.given().len())..all).unwrap_or_default()
+    }
+
     /// Row `row` of value and residual as a separate measurement, if rows come and go one by one, like the
     /// beams of a Doppler log. A separate gate then judges each row, and a missing row does not affect the others.
     /// `None` if the rows belong together.

@@ -29,6 +29,14 @@ pub enum Dynamics {
         /// Correlation time \[s\].
         tau: f64,
     },
+    /// ẋ = r + w: the integral of another block r, plus a random walk. The offset of a clock is the integral of its
+    /// drift. Discretised exactly; r is constant or a random walk, and declared before.
+    Integral {
+        /// The name of r, which has as many axes.
+        rate: String,
+        /// Power spectral density of w, per tangent axis \[unit²/s\].
+        psd: Vec<f64>,
+    },
 }
 
 /// The purpose of a block.
@@ -315,6 +323,12 @@ pub struct LayoutBuilder {
     layout: Layout,
 }
 
+/// Whether a block of `kind` may be the integral of `rate`.
+fn is_rate(rate: &Block, kind: Kind) -> bool {
+    let is_walking = matches!(rate.dynamics, Dynamics::Constant | Dynamics::RandomWalk { .. });
+    is_walking && kind.is_linear() && rate.kind.is_linear() && rate.kind.dim() == kind.dim()
+}
+
 impl LayoutBuilder {
     /// An empty layout.
     #[must_use]
@@ -364,6 +378,12 @@ impl LayoutBuilder {
                 ));
             }
             Dynamics::RandomWalk { psd } if !fits(psd) => return Err(bad("psd needs one finite, non-negative number per axis")),
+            Dynamics::Integral { psd, .. } if !fits(psd) => return Err(bad("psd needs one finite, non-negative number per axis")),
+            Dynamics::Integral { rate, .. } if !l.block(rate).is_some_and(|r| is_rate(r, M::KIND)) => {
+                return Err(bad(
+                    "the rate of an integral is a block declared before it, constant or a random walk, linear and with as many axes",
+                ));
+            }
             Dynamics::GaussMarkov { sigma, tau } if !(fits(sigma) && tau.is_finite() && *tau > 0.0) => {
                 return Err(bad("a Gauss-Markov block needs a non-negative sigma per axis and a positive tau"));
             }

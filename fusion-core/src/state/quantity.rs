@@ -111,18 +111,34 @@ impl<M: Manifold> From<Slot<M>> for Quantity<M> {
     }
 }
 
-/// The point at which a model is evaluated: state storage and the process's signals.
+/// The point at which a model is evaluated: state storage, the process's signals, and the given numbers of the row
+/// at hand.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     x: &'a [f64],
     signals: &'a [f64],
+    given: &'a [f64],
 }
 
 impl<'a> View<'a> {
     /// A view of state storage `x` and signal storage `signals`.
     #[must_use]
     pub const fn new(x: &'a [f64], signals: &'a [f64]) -> Self {
-        Self { x, signals }
+        Self { x, signals, given: &[] }
+    }
+
+    /// The same view for a row with these given numbers, see
+    /// [`Measurement::given`](crate::model::Measurement::given).
+    #[must_use]
+    pub const fn with_given(self, given: &'a [f64]) -> Self {
+        Self { given, ..self }
+    }
+
+    /// The given numbers of the row; empty without a row.
+    #[must_use]
+    #[inline]
+    pub const fn given(&self) -> &'a [f64] {
+        self.given
     }
 
     /// The signal storage.

@@ -6,7 +6,8 @@ use crate::model::{Input, Measurement, Process, SignalBuffer, Size};
 use crate::state::{Layout, View};
 
 /// h is finite, and its Jacobian agrees with central differences through the layout's ⊞ (with the
-/// signals of `process` evaluated at every point). perturb is the inverse of residual. A model reads signals only
+/// signals of `process` evaluated at every point). perturb is the inverse of residual. The prediction repeats the given
+/// numbers, and perturb keeps them. A model reads signals only
 /// if it declares so. Parts agree with their rows of the whole, and obey the same laws.
 ///
 /// # Errors
@@ -24,15 +25,22 @@ pub fn check_measurement(
         if let Some(process) = process {
             signals.evaluate(process, x, input, with_jacobian);
         }
-        model.predict(&signals.view(x), z).map_err(|e| e.to_string())?;
+        model
+            .predict(&signals.view(x).with_given(model.given()), z)
+            .map_err(|e| e.to_string())?;
         Ok(signals.clone())
     };
     let mut z = vec![0.0; value];
     let at = predict(x, &mut z, true)?;
     finite("the prediction", &z)?;
+    if model.given_in(&z) != model.given() {
+        return Err("the prediction does not repeat the given numbers at its end".to_owned());
+    }
     let mut h = Jacobian::new(layout, m);
     h.reset(m);
-    model.jacobian(&at.view(x), &mut h).map_err(|e| e.to_string())?;
+    model
+        .jacobian(&at.view(x).with_given(model.given()), &mut h)
+        .map_err(|e| e.to_string())?;
     h.chain(&at.jacobian);
     unread_signals(layout, model, x, &z)?;
     let noise = rounding(model, &z, m);
@@ -74,7 +82,8 @@ pub fn check_measurement(
         if part.size() != Size::same(1) {
             return Err(format!("part {row} is not one row"));
         }
-        part.predict(&at.view(x), &mut own).map_err(|e| e.to_string())?;
+        part.predict(&at.view(x).with_given(part.given()), &mut own)
+            .map_err(|e| e.to_string())?;
         if own[0] != *whole {
             return Err(format!("part {row} predicts {}, and its row of the whole {whole}", own[0]));
         }
@@ -89,7 +98,7 @@ fn unread_signals(layout: &Layout, model: &dyn Measurement, x: &[f64], z: &[f64]
         return Ok(());
     }
     let (unknown, mut predicted) = (vec![f64::NAN; layout.signal_storage()], vec![0.0; z.len()]);
-    let view = View::new(x, &unknown);
+    let view = View::new(x, &unknown).with_given(model.given());
     model.predict(&view, &mut predicted).map_err(|e| e.to_string())?;
     if predicted == z {
         Ok(())
@@ -113,10 +122,14 @@ fn rounding(model: &dyn Measurement, z: &[f64], m: usize) -> f64 {
 
 /// residual(perturb(z, e), z) = e.
 fn round_trip(model: &dyn Measurement, z: &[f64], m: usize) -> Result<(), String> {
+    let given = model.given_in(z).to_vec();
     for size in [0.0, 1e-3, 0.3] {
         let e: Vec<f64> = (0..m).map(|i| if i % 2 == 0 { size } else { -0.7 * size }).collect();
         let (mut moved, mut back) = (z.to_vec(), vec![0.0; m]);
         model.perturb(&mut moved, &e);
+        if model.given_in(&moved) != given {
+            return Err("perturb changes the given numbers".to_owned());
+        }
         model.residual(&moved, z, &mut back);
         // 1e-8: geodetic metres; elsewhere the rounding of z itself.
         let tolerance = 1e-8 + 4.0 * f64::EPSILON * z.iter().fold(0.0, |m: f64, v| m.max(v.abs()));

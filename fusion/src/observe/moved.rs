@@ -402,6 +402,8 @@ impl Calibration {
     fn wandered(&self, axis: usize, elapsed: f64) -> f64 {
         match &self.block.dynamics {
             Dynamics::Process | Dynamics::Constant => 0.0,
+            // Its rate moves it without limit.
+            Dynamics::Integral { .. } => f64::INFINITY,
             Dynamics::RandomWalk { psd } => psd[axis] * elapsed,
             Dynamics::GaussMarkov { sigma, .. } => sigma[axis] * sigma[axis],
         }

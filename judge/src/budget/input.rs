@@ -62,7 +62,7 @@ impl ByInput {
             self.signals.evaluate(self.process.as_ref(), x, &sample, false);
             end.clear();
             end.resize(model.size().value, 0.0);
-            if model.predict(&self.signals.view(x), end).is_err() {
+            if model.predict(&self.signals.view(x).with_given(model.given()), end).is_err() {
                 return false;
             }
         }

@@ -394,7 +394,9 @@ impl World {
             }
             let axes = block.tangent_range().enumerate();
             let moved: Vec<(usize, Ages)> = match &block.dynamics {
-                Dynamics::RandomWalk { psd } => axes.map(|(k, axis)| (axis, Ages::Walk(fusion_core::math::sqrt(psd[k])))).collect(),
+                Dynamics::RandomWalk { psd } | Dynamics::Integral { psd, .. } => {
+                    axes.map(|(k, axis)| (axis, Ages::Walk(fusion_core::math::sqrt(psd[k])))).collect()
+                }
                 Dynamics::GaussMarkov { sigma, tau } => axes.map(|(k, axis)| (axis, Ages::Markov(sigma[k], *tau))).collect(),
                 Dynamics::Process | Dynamics::Constant => continue,
             };

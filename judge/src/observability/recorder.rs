@@ -8,7 +8,7 @@ use fusion_core::belief::{Belief, own_dynamics};
 use fusion_core::filter::{Step, Verdict};
 use fusion_core::math;
 use fusion_core::runner::{Event, Halt};
-use fusion_core::state::{Attitude, Block, Kind, Layout, Manifold, StateRole};
+use fusion_core::state::{Attitude, Block, Dynamics, Kind, Layout, Manifold, StateRole};
 use fusion_core::time::Time;
 use nalgebra::DMatrix;
 use std::sync::Arc;
@@ -322,7 +322,9 @@ pub(super) fn forgotten(layout: &Layout, sigma: &[f64], seconds: f64) -> Element
     let mut part = Element::empty(layout.dim());
     for block in layout.blocks() {
         for (k, i) in block.tangent_range().enumerate() {
-            let (decay, added) = if block.role == StateRole::Kinematic {
+            // The rate of an integral moves it as far as its initial σ allows.
+            let is_moved = block.role == StateRole::Kinematic || matches!(block.dynamics, Dynamics::Integral { .. });
+            let (decay, added) = if is_moved {
                 (0.0, sigma[i] * sigma[i])
             } else {
                 own_dynamics(block, k, seconds)

@@ -48,6 +48,8 @@ impl Motion {
             c if *c == channel::ANGULAR_RATE => (in_body(earth_rate_n(ORIGIN.lat)), 1e-4),
             c if *c == channel::SPECIFIC_FORCE => (in_body(-Gravity::default().vector_n(ORIGIN.lat, ORIGIN.height)), 1e-3),
             c if *c == channel::VELOCITY => (v.as_slice().to_vec(), 0.0),
+            // High above the place of the rows.
+            c if *c == channel::SATELLITE_POSITION => (vec![-2.0e7, 1.0e7, 1.4e7], 0.0),
             c if *c == channel::MAGNETIC_FIELD => (in_body(Vector3::new(3e-5, 0.0, 4e-5)), 0.0),
             c => match c.shape {
                 Shape::Geodetic => {

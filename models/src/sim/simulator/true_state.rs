@@ -150,6 +150,8 @@ struct Parameter {
     kind: Kind,
     storage: Range<usize>,
     dynamics: Dynamics,
+    /// Of an integral: the range of its rate.
+    rate: Option<Range<usize>>,
     random: Random,
 }
 
@@ -180,6 +182,14 @@ impl Pose {
 fn is_current(block: &Block) -> bool {
     let name = block.name.rsplit_once('.').map(|(_, name)| name);
     name == Some(parameter::CURRENT) && block.kind == Kind::Vector(3)
+}
+
+/// The range of the block that an integral integrates.
+fn rate_of(layout: &Layout, block: &Block) -> Option<Range<usize>> {
+    let Dynamics::Integral { rate, .. } = &block.dynamics else {
+        return None;
+    };
+    layout.block(rate).map(Block::storage_range)
 }
 
 /// The rate of the heading \[rad/s\].
@@ -242,17 +252,24 @@ impl TrueState {
                 currents.push(block.storage_range());
             } else if let Some(slip) = spec.true_slip(block) {
                 x[block.storage_range()].fill(slip);
-            } else if spec.draw_parameters && !is_of_others(&block.name) {
+            } else if (spec.draw_parameters || rate_of(layout, block).is_some()) && !is_of_others(&block.name) {
                 let mut random = Random::new(seed, &format!("state/{}", block.name));
-                if !is_given(&block.name) {
+                if !spec.draw_parameters {
+                    undrawn.extend((!is_given(&block.name)).then(|| block.name.clone()));
+                } else if !is_given(&block.name) {
                     let delta: Vec<f64> = block.sigma.iter().map(|sigma| sigma * random.normal()).collect();
                     block.kind.plus(&mut x[block.storage_range()], &delta);
                 }
-                let (kind, storage, dynamics) = (block.kind, block.storage_range(), block.dynamics.clone());
+                let (kind, storage, mut dynamics) = (block.kind, block.storage_range(), block.dynamics.clone());
+                if let (Dynamics::Integral { psd, .. }, false) = (&mut dynamics, spec.draw_parameters) {
+                    // Its rate moves it, and nothing is drawn.
+                    psd.fill(0.0);
+                }
                 parameters.push(Parameter {
                     kind,
                     storage,
                     dynamics,
+                    rate: rate_of(layout, block),
                     random,
                 });
             } else if !is_given(&block.name) {
@@ -387,9 +404,13 @@ impl TrueState {
             kind,
             storage,
             dynamics,
+            rate,
             random,
         } in &mut self.parameters
         {
+            for (to, from) in storage.clone().zip(rate.iter().cloned().flatten()) {
+                self.x[to] += dt * self.x[from];
+            }
             let x = &mut self.x[storage.clone()];
             match dynamics {
                 Dynamics::GaussMarkov { sigma, tau } => {
@@ -398,7 +419,7 @@ impl TrueState {
                         *x = decay * *x + *sigma * math::sqrt(1.0 - decay * decay) * random.normal();
                     }
                 }
-                Dynamics::RandomWalk { psd } => {
+                Dynamics::RandomWalk { psd } | Dynamics::Integral { psd, .. } => {
                     let delta: Vec<f64> = psd.iter().map(|psd| math::sqrt(psd * dt) * random.normal()).collect();
                     kind.plus(x, &delta);
                 }
