@@ -10,6 +10,7 @@
 //! declaration and one seed.
 
 mod closed_loop;
+mod constellation;
 mod control;
 mod imu_error;
 pub mod inverse;
@@ -31,6 +32,7 @@ mod vehicle;
 mod world;
 
 pub use closed_loop::{ClosedLoop, Crew, Script};
+pub use constellation::ConstellationSpec;
 pub use control::{Control, ControlSpec, Goal, Seen};
 pub use imu_error::{AccelerometerErrorSpec, GyroErrorSpec, ImuError, ImuErrorSpec, ImuPreset, TriadErrors};
 pub use noise::{SensorError, SensorErrorSpec, SensorErrors};

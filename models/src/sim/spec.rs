@@ -1,6 +1,7 @@
 //! The table `[simulation]` of a design.
 
 use super::closed_loop::{ClosedLoop, Crew, Script};
+use super::constellation::ConstellationSpec;
 use super::control::ControlSpec;
 use super::imu_error::ImuErrorSpec;
 use super::noise::SensorErrorSpec;
@@ -46,6 +47,8 @@ pub struct SimulationSpec {
     /// instruments have the streams `NAME_gps`, `NAME_attitude` and `NAME_transceiver`.
     #[serde(default)]
     pub platform: BTreeMap<String, ShipSpec>,
+    /// The navigation satellites, for sensors `pseudorange` and `pseudorange_rate`.
+    pub constellation: Option<ConstellationSpec>,
     /// Position of the inertial unit from the vehicle's reference point, in body axes. The reference point moves along
     /// the path; without `unit`, the inertial unit does. A lever arm from the unit to this point, such as for
     /// `nonholonomic`, is the opposite vector.
@@ -279,6 +282,7 @@ impl SimulationSpec {
             self.check_mission(),
             self.check_place(),
             self.check_platforms(),
+            self.constellation.as_ref().map_or(Ok(()), ConstellationSpec::check),
         ];
         all.into_iter().chain(ships).filter_map(Result::err).collect()
     }

@@ -27,6 +27,7 @@ mod true_state;
 mod unit;
 
 use super::closed_loop::Script;
+use super::constellation::{Constellation, Satellite};
 use super::control::Seen;
 use super::imu_error::ImuError;
 use super::inverse::Sample;
@@ -153,6 +154,7 @@ pub struct Simulator {
     /// The ships with their streams; `None` if the ship lacks the instrument.
     ships: Vec<(Ship, [Option<usize>; SHIP_STREAMS.len()])>,
     sensors: Vec<Sensor>,
+    constellation: Option<Constellation>,
     queue: BinaryHeap<Reverse<Row>>,
     spare: Vec<Vec<f64>>,
     sequence: u64,
@@ -207,6 +209,47 @@ struct Sensor {
     stream: usize,
     /// The range of its bias in the true state; the bias is the sum of the instrument's lasting errors.
     bias: Option<Range<usize>>,
+    /// If each row is a satellite: how it gives the satellite.
+    satellite: Option<SatelliteRow>,
+}
+
+/// A row with the numbers of a satellite after the measured number.
+#[derive(Clone, Debug)]
+struct SatelliteRow {
+    channels: Vec<Channel>,
+    /// Whether it is a range, which the errors of the signal lengthen.
+    is_range: bool,
+}
+
+impl SatelliteRow {
+    /// `None` for a sensor without given numbers.
+    fn of(sensor: &SimulatedSensor, spec: &SimulationSpec) -> Result<Option<Self>, BuildError> {
+        if sensor.model.given().is_empty() {
+            return Ok(None);
+        }
+        let is_known = |c: &Channel| *c == channel::SATELLITE_POSITION || *c == channel::SATELLITE_VELOCITY;
+        let channels = sensor.channels.get(1..).unwrap_or_default().to_vec();
+        if !channels.iter().all(is_known) {
+            let message = "no simulated world has the numbers that this sensor takes from its rows";
+            return Err(BuildError::at(format!("sensor.{}", sensor.name), message));
+        }
+        if spec.constellation.is_none() {
+            let message = "the sensor measures ranges to satellites, and the simulated world has none";
+            let help = "add `constellation = {}` under [simulation]: thirty satellites on circular orbits";
+            return Err(BuildError::at(format!("sensor.{}", sensor.name), message).help(help));
+        }
+        let is_range = sensor.channels[0] == channel::PSEUDORANGE;
+        Ok(Some(Self { channels, is_range }))
+    }
+
+    /// Writes the numbers of `satellite` after the first of `z`.
+    fn write(&self, satellite: &Satellite, z: &mut [f64]) {
+        for (channel, numbers) in self.channels.iter().zip(z[1..].chunks_exact_mut(3)) {
+            let is_place = *channel == channel::SATELLITE_POSITION;
+            let of = if is_place { satellite.position } else { satellite.velocity };
+            numbers.copy_from_slice(of.as_slice());
+        }
+    }
 }
 
 impl Simulator {
@@ -297,6 +340,7 @@ impl Simulator {
             sensors.push(Sensor {
                 delay: Delay::new(&sensor, setup.layout, duration),
                 bias: own_bias(setup.layout, &sensor),
+                satellite: SatelliteRow::of(&sensor, spec)?,
                 model: sensor.model,
                 error,
                 stream: streams.len(),
@@ -327,6 +371,7 @@ impl Simulator {
             least_delay: sensors.iter().map(|s| s.delay.least(truth.state())).min().unwrap_or(0).min(0),
             truth,
             sensors,
+            constellation: spec.constellation.as_ref().map(|c| Constellation::new(c, &setup.origin, seed)),
             queue: BinaryHeap::new(),
             spare: Vec::new(),
             sequence: 0,
@@ -484,6 +529,10 @@ impl Simulator {
             }
             Source::Sensor(i) => {
                 self.refresh();
+                if self.sensors[i].satellite.is_some() {
+                    self.make_satellites(i, time);
+                    return;
+                }
                 let sensor = &mut self.sensors[i];
                 let mut z = self.spare.pop().unwrap_or_default();
                 z.clear();
@@ -516,6 +565,32 @@ impl Simulator {
                 }
                 self.put(time, self.streams.len() - 1, data);
             }
+        }
+    }
+
+    /// Makes a row of sensor `i` per satellite that is seen.
+    fn make_satellites(&mut self, i: usize, time: Time) {
+        let place = self.free.truth().nav.position;
+        let seen = self.constellation.as_ref().map_or_else(Vec::new, |c| c.seen(time, &place));
+        for satellite in seen {
+            let sensor = &mut self.sensors[i];
+            let Some(row) = &sensor.satellite else { return };
+            let (mut given, mut z) = (vec![0.0; sensor.model.size().value], self.spare.pop().unwrap_or_default());
+            row.write(&satellite, &mut given);
+            z.clear();
+            z.resize(given.len(), 0.0);
+            let view = self.truth.view().with_given(&given[1..]);
+            // If h is undefined, the sensor is silent.
+            if sensor.model.predict(&view, &mut z).is_err() {
+                self.spare.push(z);
+                continue;
+            }
+            if row.is_range {
+                sensor.model.perturb(&mut z, &[satellite.error]);
+            }
+            sensor.error.spoil(sensor.model.as_ref(), time, &mut z);
+            let (stamp, stream) = (time.shifted(sensor.delay.at(self.truth.state())), sensor.stream);
+            self.put(stamp, stream, z);
         }
     }
 
