@@ -153,6 +153,9 @@ mod resumed;
 /// Rows that arrive late, used by going back: every design, any order of arrival.
 #[path = "suite/rewind.rs"]
 mod rewind;
+/// Raw GNSS: few satellites, and a published demonstration.
+#[path = "suite/satellites.rs"]
+mod satellites;
 /// The designs of scenes in which backends differ: they run, and the ranking is as expected.
 #[path = "suite/scenes.rs"]
 mod scenes;

@@ -144,3 +144,35 @@ impl OwnDynamics {
         self.markovs.iter().for_each(|markov| x[markov.storage] *= markov.decay);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::tests::declare;
+    use crate::state::{LayoutBuilder, Scalar};
+
+    #[test]
+    fn a_clock_moves_by_its_drift_with_the_noise_of_both() {
+        let mut b = LayoutBuilder::new();
+        let drift = declare::<Scalar>(&mut b, "drift", 3.0, &[1.0], Dynamics::RandomWalk { psd: vec![0.5] });
+        let rate = "drift".to_owned();
+        let offset = declare::<Scalar>(&mut b, "offset", 10.0, &[1.0], Dynamics::Integral { rate, psd: vec![2.0] });
+        let layout = b.finish();
+        let (mut own, mut transition, mut x) = (OwnDynamics::of(&layout), Transition::new(&layout), layout.initial().to_vec());
+        own.write(2.0, &mut transition);
+        own.decay(&mut x);
+        assert_eq!((drift.read(&x), offset.read(&x)), (3.0, 16.0));
+        assert_eq!(transition.phi.get(offset.tangent, drift.tangent), 2.0);
+        // S_x Δt + S_r Δt³/3, S_r Δt²/2 and S_r Δt.
+        let (o, d) = (offset.tangent, drift.tangent);
+        let q = |i, j| {
+            transition
+                .noise_after()
+                .filter(|(a, b, _)| (*a, *b) == (i, j))
+                .map(|(.., v)| v)
+                .sum::<f64>()
+        };
+        assert!((q(o, o) - (4.0 + 0.5 * 8.0 / 3.0)).abs() < 1e-15); // rounding
+        assert_eq!([q(o, d), q(d, o), q(d, d)], [1.0, 1.0, 1.0]);
+    }
+}

@@ -1,9 +1,13 @@
 //! Stages: streams in, a stream out.
 
 pub mod compass;
+pub mod elevation_noise;
 pub mod gravity_gradient;
+pub mod klobuchar;
 pub mod once_per;
 pub mod periodic;
+pub mod saastamoinen;
+mod satellite;
 pub mod stationarity;
 pub mod steady_force;
 pub mod still;
