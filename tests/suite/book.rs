@@ -55,6 +55,7 @@ chapters! {
     health: "health.md",
     false_fixes: "spoofing.md",
     usbl_and_dvl: "usbl-dvl.md",
+    raw_gnss: "raw-gnss.md",
     live_links: "live.md",
     embedding: "embedding.md",
     in_python: "python.md",

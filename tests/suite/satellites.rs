@@ -8,7 +8,7 @@ use fusion::score::Axes;
 use fusion_judge::campaign::{Campaign, monte_carlo};
 use std::path::Path;
 
-/// Twenty runs of a design, and of a variant of it, with `set` in place of its own values.
+/// Twenty runs of a design or of its variant, with the assignment `set`.
 fn runs(file: &str, variant: Option<&str>, set: &str) -> Campaign {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(file);
     let mut document = Document::load(&path).unwrap_or_else(|d| panic!("{d}"));

@@ -2,8 +2,8 @@
 //!
 //! Given      r_s, the satellite at transmission in Earth-centred Earth-fixed axes of that time; ṙ_s in the same axes
 //! Antenna    r_a = r_eb_e + C_en C_nb l_ba_b
-//! Rotation   in the axes at reception the satellite was at C(θ) r_s, θ = ω_ie ρ/c the turn of the Earth during the flight
-//!            of the signal, ρ = |r_s − r_a|
+//! Rotation   in the axes at reception the satellite was at C(θ) r_s, θ = ω_ie ρ/c the turn of the Earth while the signal
+//!            flies, ρ = |r_s − r_a|
 //! Source     Groves 2013, eq. 8.34 to 8.36
 
 use super::range::earth_centred;

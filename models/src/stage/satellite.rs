@@ -1,4 +1,4 @@
-//! What stages of rows of satellites have in common: the row, and the direction in which the satellite is seen.
+//! Rows of satellites in stages: the row, and the direction in which the satellite is seen.
 //!
 //! Row        pseudorange \[m\], satellite at transmission, Earth-centred Earth-fixed \[m\]
 //! Direction  from the estimated position of the body; the turn of the Earth during the flight, 5e-6 rad, is neglected
