@@ -42,6 +42,11 @@ impl Axes {
     /// All axes: the value until the measured axes are known.
     pub(super) const ALL: Self = Self(u64::MAX);
 
+    /// The axes of both.
+    pub(super) const fn with(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
     fn list(self) -> impl Iterator<Item = usize> {
         let mut rest = self.0;
         core::iter::from_fn(move || {

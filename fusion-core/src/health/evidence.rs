@@ -172,6 +172,11 @@ impl Evidence {
             && self.looked.is_none_or(|looked| time.seconds_since(looked) >= LOOK)
         {
             (self.axes, self.looked) = (aid.axes(h, update.innovation_sigma), Some(time));
+        } else if let Some(h) = update.jacobian
+            && self.looked == Some(time)
+        {
+            // Several rows of one epoch, such as satellites, measure together.
+            self.axes = self.axes.with(aid.axes(h, update.innovation_sigma));
         }
         match update.verdict {
             Verdict::Accepted => {
