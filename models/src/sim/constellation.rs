@@ -208,7 +208,10 @@ impl Constellation {
     /// Least elevation at which a satellite is seen at `azimuth`.
     fn mask(&self, time: Time, azimuth: f64) -> f64 {
         let sectors = self.spec.sectors.iter().filter(|sector| {
-            let into = |angle: f64| (angle - sector.from.si()).rem_euclid(TAU);
+            let into = |angle: f64| {
+                let turns = (angle - sector.from.si()) / TAU;
+                TAU * (turns - math::floor(turns))
+            };
             sector.window.contains(time) && into(azimuth) <= into(sector.to.si())
         });
         sectors.fold(self.spec.mask.si(), |mask, sector| mask.max(sector.mask.si()))

@@ -75,6 +75,10 @@ struct Klobuchar {
 
 memory!(Klobuchar { ; body, alpha, beta });
 
+/// A day in seconds and in nanoseconds.
+const DAY: f64 = 86_400.0;
+const DAY_NANOS: i64 = 86_400_000_000_000;
+
 /// Σ c_n xⁿ.
 fn polynomial(c: &[f64; 4], x: f64) -> f64 {
     c.iter().rev().fold(0.0, |sum, c| sum * x + c)
@@ -82,14 +86,14 @@ fn polynomial(c: &[f64; 4], x: f64) -> f64 {
 
 /// The delay \[m\] in a direction above the horizon; `day` is the time of the day in GPS time \[s\].
 fn delay((alpha, beta): (&[f64; 4], &[f64; 4]), seen: &Direction, day: f64) -> f64 {
-    const DAY: f64 = 86_400.0;
     let elevation = seen.elevation / PI;
     let psi = 0.0137 / (elevation + 0.11) - 0.022;
     let (sin, cos) = math::sin_cos(seen.azimuth);
     let latitude = (seen.place.lat / PI + psi * cos).clamp(-0.416, 0.416);
     let longitude = seen.place.lon / PI + psi * sin / math::cos(latitude * PI);
     let magnetic = latitude + 0.064 * math::cos((longitude - 1.617) * PI);
-    let local = (43_200.0 * longitude + day).rem_euclid(DAY);
+    let local = 43_200.0 * longitude + day;
+    let local = local - DAY * math::floor(local / DAY);
     let amplitude = polynomial(alpha, magnetic).max(0.0);
     let period = polynomial(beta, magnetic).max(72_000.0);
     let x = TAU * (local - 50_400.0) / period;
@@ -107,7 +111,8 @@ impl Stage for Klobuchar {
         let Some(seen) = self.body.sees(row, view).filter(|seen| seen.elevation >= 0.0) else {
             return;
         };
-        let delay = delay((&self.alpha, &self.beta), &seen, time.seconds().rem_euclid(86_400.0));
+        let day = time.nanos().rem_euclid(DAY_NANOS) as f64 * 1e-9;
+        let delay = delay((&self.alpha, &self.beta), &seen, day);
         out.emit(time, &[row[0] - delay, row[1], row[2], row[3]]);
     }
 }
