@@ -52,7 +52,7 @@ fn horizontal(variant: Option<&str>, from: u32) -> Vec<f64> {
 }
 
 /// The bars are those of the specification, for every run. Two satellites and a clock leave a direction to the inertial
-/// unit alone, so the gain becomes less: a factor of 20, 6 and 2 here, between the medians.
+/// unit alone, so the gain becomes less: a factor of 11, 6 and 2 here, between the medians.
 #[test]
 fn a_tightly_coupled_filter_stays_near_with_four_three_and_two_satellites() {
     for (satellites, from, bar, gain) in [(4, 60, 3.0, 8.0), (3, 110, 6.0, 3.0), (2, 160, 15.0, 1.3)] {
