@@ -24,7 +24,7 @@ const ROUNDS: usize = 12;
 /// Epochs per second of a campaign.
 fn campaign(design: &Design, runs: u64, threads: usize) -> f64 {
     let campaign = monte_carlo(design, &Options::default(), 0..runs, 1, threads, &|_| {}).expect("the design is sound");
-    campaign.pace.per_second()
+    campaign.campaign.pace.per_second()
 }
 
 /// Epochs per second of two campaigns at once.
@@ -33,7 +33,7 @@ fn side_by_side(design: &Design, runs: u64) -> f64 {
     let epochs: u64 = std::thread::scope(|scope| {
         let one = || monte_carlo(design, &Options::default(), 0..runs / 2, 1, 1, &|_| {}).expect("the design is sound");
         let both = [scope.spawn(one), scope.spawn(one)];
-        both.map(|thread| thread.join().expect("it does not panic").pace.epochs)
+        both.map(|thread| thread.join().expect("it does not panic").campaign.pace.epochs)
             .iter()
             .sum()
     });

@@ -11,5 +11,6 @@ pub mod budget;
 pub mod campaign;
 pub mod likelihood;
 pub mod observability;
+pub mod part;
 pub mod stress;
 pub mod tune;

@@ -6,18 +6,14 @@ use super::run::{NED, RPY};
 use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
 use crate::Shown;
 use fusion::health::State;
-use fusion::observe::Innovations;
-use fusion::score::{Consistency, ConsistencyVerdict, Drift};
-use fusion_core::math;
-use fusion_judge::campaign::{Campaign, Duel, Independence, Pace, Pooled, RunRow};
+use fusion::score::{Consistency, ConsistencyVerdict};
+use fusion_judge::campaign::{Campaign, Compared, Duel, Figure, Independence, Pace, Pooled, SensorTally, Statistic};
 use fusion_tables::Unit;
 use fusion_tables::significant;
 use fusion_tables::{Cell, Column, Page, Section, Table};
 
 /// Outages listed one by one.
 const OUTAGES: usize = 40;
-/// Seeds of ill runs that are named.
-const SEEDS: usize = 3;
 
 /// The figures of campaigns over all their times and runs, a row for each with its name.
 #[must_use]
@@ -51,10 +47,10 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
         } = campaign.pooled();
         let cells = [attitude, position, of_attitude, of_velocity, of_position].map(Cell::real);
         let convergence = [converged.map_or(Cell::Empty, Cell::Share), after.map_or(Cell::Empty, Cell::Seconds)];
-        let apart = campaign.judge(|row| row.episodes.as_ref()?.outside.nees[0]);
+        let apart = campaign.judge(Statistic::Episodes(1, 0));
         let apart = Cell::real(apart.map(|c| c.mean / c.dof as f64));
         let others = first.filter(|first| !core::ptr::eq(*first, *campaign));
-        let wins = others.and_then(|first| first.against(campaign, |row| row.position_rmse));
+        let wins = others.and_then(|first| first.against(campaign, Compared::Position));
         let wins = wins.map_or(Cell::Empty, |duel| Cell::text(format!("{} of {}", duel.better, duel.runs)));
         t.row(
             [Cell::text(*name)]
@@ -83,15 +79,16 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
 /// In how many runs a campaign is better than the first, and whether chance would do the same; nothing of runs that are
 /// not independent.
 fn verdict((first_name, first): &(&str, &Campaign), (name, other): &(&str, &Campaign)) -> Option<String> {
-    type Error = fn(&RunRow) -> f64;
-    let are_worlds = [first, other].iter().all(|c| c.independence == Independence::Full);
-    let length = |v: [f64; 3]| math::sqrt(v.iter().map(|v| v * v).sum::<f64>());
-    let figures: [(&str, Error); 2] = [("position", |row| row.position_rmse), ("attitude", |row| row.rotation_rmse)];
-    let velocity = other.against(first, |row| length(row.velocity_rms)).map(|duel| ("velocity", duel));
-    let duels = figures
+    let are_worlds = [first, other].iter().all(|c| c.independence() == Independence::Full);
+    let errors = [
+        ("position", Compared::Position),
+        ("attitude", Compared::Attitude),
+        ("velocity", Compared::Velocity),
+    ];
+    let duels = errors
         .into_iter()
         .filter_map(|(what, error)| Some((what, other.against(first, error)?)));
-    let all: Vec<String> = duels.chain(velocity).map(|(what, duel)| said(what, &duel)).collect();
+    let all: Vec<String> = duels.map(|(what, duel)| said(what, &duel)).collect();
     (are_worlds && !all.is_empty()).then(|| format!("{name} against {first_name}: {}.", all.join("; ")))
 }
 
@@ -117,8 +114,8 @@ pub fn health(campaigns: &[(&str, &Campaign)]) -> Section {
     let shares = ["ill, mean", "ill, most"].map(Column::number);
     let mut t = Table::new([Column::text("run")].into_iter().chain(states).chain(shares));
     for (name, campaign) in campaigns {
-        let counts = State::ALL.map(|s| Cell::from(campaign.with_worst(s).count()));
-        let ill = campaign.spread(|row| row.health.ill);
+        let counts = State::ALL.map(|s| Cell::from(campaign.with_worst(s)));
+        let ill = campaign.spread(Figure::Ill);
         let shares = [ill.map(|s| s.mean), ill.map(|s| s.max)].map(|s| s.map_or(Cell::Empty, Cell::Share));
         t.row([Cell::text(*name)].into_iter().chain(counts).chain(shares));
     }
@@ -126,9 +123,7 @@ pub fn health(campaigns: &[(&str, &Campaign)]) -> Section {
         "Health: runs by their worst state after aligning; ill: share of the time coasting or worse",
         [t],
     );
-    let declared = campaigns
-        .iter()
-        .map(|(name, c)| (name, c.rows.iter().filter(|r| r.health.as_declared).count(), c.rows.len()));
+    let declared = campaigns.iter().map(|(name, c)| (name, c.as_declared, c.runs));
     let notes = declared
         .filter(|(_, n, _)| *n > 0)
         .map(|(name, n, all)| format!("{name}: degraded or lost in declared outages alone, or just after them, in {n} of {all} runs."));
@@ -176,8 +171,8 @@ impl Shown<'_, Campaign> {
     #[must_use]
     pub fn page(&self) -> Page {
         Page {
-            title: format!("{}{} runs", titled(&self.description), self.rows.len()),
-            provenance: self.provenance.clone(),
+            title: format!("{}{} runs", titled(&self.subject.description), self.runs),
+            provenance: self.subject.provenance.clone(),
             warnings: self.warnings(),
             sections: self
                 .verdict()
@@ -203,13 +198,12 @@ impl Shown<'_, Campaign> {
 
     /// The findings to look at next: those of the median run that at least half of the runs have too.
     fn look_next(&self) -> Section {
-        let (found, all) = (self.findings(), self.rows.len());
-        let Some(middle) = self.middle().filter(|_| !found.is_empty()) else {
+        let ((seed, found), all) = (self.findings(), self.runs);
+        let Some(seed) = seed.filter(|_| !found.is_empty()) else {
             return Section::default();
         };
         let mut section = Section::new("Look at next", []).note(format!(
-            "Said by the run in the middle, `fusion run … --seed {}`, whose figures they are, and by at least half of the runs:",
-            middle.seed
+            "Said by the run in the middle, `fusion run … --seed {seed}`, whose figures they are, and by at least half of the runs:"
         ));
         let lines = found
             .iter()
@@ -221,14 +215,14 @@ impl Shown<'_, Campaign> {
     /// The warnings about all runs together that a reader must not overlook.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
-        let shared = match self.independence {
+        let shared = match self.independence() {
             Independence::Full => None,
             Independence::SharedLog => {
                 Some("the runs share one recorded log and differ by their random faults alone: bands are those of one run".to_owned())
             }
             Independence::Identical => Some(format!(
                 "nothing in this design is random: all {} runs are the same, and count as one",
-                self.rows.len()
+                self.runs
             )),
         };
         shared.into_iter().chain(self.ill()).chain(self.spikes()).collect()
@@ -236,16 +230,15 @@ impl Shown<'_, Campaign> {
 
     /// In how many runs samples of the input were taken for spikes.
     fn spikes(&self) -> Option<String> {
-        let runs = self.rows.iter().filter(|row| row.spikes > 0).count();
-        let all: u64 = self.rows.iter().map(|row| row.spikes).sum();
-        let nees: Vec<Consistency> = (0..3).filter_map(|i| self.judge(|row| row.nees[i])).collect();
+        let (runs, all) = self.spikes;
+        let nees: Vec<Consistency> = (0..3).filter_map(|i| self.judge(Statistic::Nees(i))).collect();
         // Where errors are as the filter says, they did no harm.
         let is_harmful = nees.is_empty() || nees.iter().any(|c| c.verdict() == Some(ConsistencyVerdict::Overconfident));
         (runs > 0 && is_harmful).then(|| {
             format!(
                 "in {runs} of {} runs samples of the process input were taken for spikes and not used, {} in a run on average: \
                  the vehicle moves faster than `process.agility` says, unless they are faults that are declared",
-                self.rows.len(),
+                self.runs,
                 significant(all as f64 / runs as f64)
             )
         })
@@ -258,21 +251,22 @@ impl Shown<'_, Campaign> {
             (State::Degraded, "degraded"),
             (State::Aligning, "never aligned"),
         ];
-        let counts = kinds.map(|(state, word)| (self.undeclared(state).count(), word));
+        let counts = kinds.map(|(state, word)| (self.undeclared(state).runs, word));
         let told: Vec<String> = counts
             .iter()
             .filter(|(n, _)| *n > 0)
             .map(|(n, word)| format!("{word} in {n}"))
             .collect();
-        let (worst, word) = kinds.into_iter().find(|(state, _)| self.undeclared(*state).next().is_some())?;
-        let seeds: Vec<String> = self.undeclared(worst).take(SEEDS).map(|row| row.seed.to_string()).collect();
-        let more = match self.undeclared(worst).count().saturating_sub(SEEDS) {
+        let (worst, word) = kinds.into_iter().find(|(state, _)| self.undeclared(*state).runs > 0)?;
+        let worst = self.undeclared(worst);
+        let seeds: Vec<String> = worst.seeds.iter().map(u64::to_string).collect();
+        let more = match worst.runs - seeds.len() {
             0 => String::new(),
             n => format!(" and {n} more"),
         };
         Some(format!(
             "health: of {} runs the filter was {}; repeat one that was {word} with `fusion run … --seed SEED`: {}{more}",
-            self.rows.len(),
+            self.runs,
             told.join(", "),
             seeds.join(", ")
         ))
@@ -282,9 +276,9 @@ impl Shown<'_, Campaign> {
     /// it is judged by NIS. `None` if nothing can be judged.
     fn verdict(&self) -> Option<String> {
         let nees = ["position", "velocity", "attitude"].into_iter().enumerate();
-        let nees: Vec<_> = nees.filter_map(|(i, of)| Some((of, self.judge(|r| r.nees[i])?))).collect();
+        let nees: Vec<_> = nees.filter_map(|(i, of)| Some((of, self.judge(Statistic::Nees(i))?))).collect();
         let nis = self.sensors().iter().enumerate();
-        let nis = nis.filter_map(|(i, s)| Some((s.name.as_str(), self.judge(|r| r.sensors[i].nis)?)));
+        let nis = nis.filter_map(|(i, s)| Some((s.all.name.as_str(), self.judge(Statistic::Nis(i))?)));
         let (what, judged): (_, Vec<_>) = if nees.is_empty() { ("NIS", nis.collect()) } else { ("NEES", nees) };
         let count = judged.iter().filter(|(_, c)| c.verdict().is_some()).count();
         let judged = judged.into_iter().map(|(of, c)| (of, c.among(count)));
@@ -314,14 +308,14 @@ impl Shown<'_, Campaign> {
             _ => ("Not consistent", wrong),
         };
         let told: Vec<String> = told.into_iter().map(words).collect();
-        let same = if self.independence == Independence::Identical {
+        let same = if self.independence() == Independence::Identical {
             " that are all the same"
         } else {
             ""
         };
         Some(format!(
             "{head} over {} runs{same}: {what} over its degrees of freedom, of {}.",
-            self.rows.len(),
+            self.runs,
             told.join("; of ")
         ))
     }
@@ -332,11 +326,8 @@ impl Shown<'_, Campaign> {
         let mut t = Table::new([Column::text("parameter")].into_iter().chain(numbers));
         for (i, block) in self.blocks().iter().enumerate().filter(|(_, b)| b.is_parameter) {
             for k in 0..block.error.len() {
-                let ends = || self.rows.iter().map(|row| (row.blocks[i].error[k], row.blocks[i].sigma[k]));
-                let mean = |value: &dyn Fn((f64, f64)) -> f64| ends().map(value).sum::<f64>() / self.rows.len() as f64;
-                let rms = math::sqrt(mean(&|(error, _)| error * error));
-                let inside = mean(&|(error, sigma)| f64::from(error.abs() <= 3.0 * sigma));
-                let cells = [Cell::Real(rms), Cell::Real(mean(&|(_, sigma)| sigma)), Cell::Share(inside)];
+                let [rms, sigma, inside] = self.ends()[i][k].figures();
+                let cells = [Cell::Real(rms), Cell::Real(sigma), Cell::Share(inside)];
                 t.row_in(Unit::of_si(&block.unit), [Cell::text(axis_name(block, k))].into_iter().chain(cells));
             }
         }
@@ -344,31 +335,30 @@ impl Shown<'_, Campaign> {
     }
 
     fn errors(&self) -> Table {
-        type Figure = fn(&RunRow) -> [f64; 3];
-        let groups: [(&str, &str, Figure, [&str; 3]); 4] = [
-            ("position RMS", "m", |r| r.rms, NED),
-            ("position max", "m", |r| r.max, NED),
-            ("velocity RMS", "m/s", |r| r.velocity_rms, NED),
-            ("attitude RMS", "deg", |r| r.attitude_rms, RPY),
+        type OfAxis = fn(usize) -> Figure;
+        let groups: [(&str, &str, OfAxis, [&str; 3]); 4] = [
+            ("position RMS", "m", Figure::Rms, NED),
+            ("position max", "m", Figure::Max, NED),
+            ("velocity RMS", "m/s", Figure::VelocityRms, NED),
+            ("attitude RMS", "deg", Figure::AttitudeRms, RPY),
         ];
         let numbers = ["mean", "standard deviation", "min", "max"].map(Column::number);
         let mut t = Table::new([Column::text("error")].into_iter().chain(numbers));
         for (name, unit, figure, axes) in groups {
             for (i, axis) in axes.iter().enumerate() {
-                if let Some(s) = self.spread(|r| figure(r)[i]) {
+                if let Some(s) = self.spread(figure(i)) {
                     let cells = [s.mean, s.std, s.min, s.max].map(Cell::Real);
                     let name = Cell::text(format!("{name} {axis}"));
                     t.row_in(Unit::shown(unit), [name].into_iter().chain(cells));
                 }
             }
         }
-        type Drift = fn(&RunRow) -> Option<f64>;
-        let drifts: [(&str, &str, Drift); 2] = [
-            ("drift in outages", "m", |r| r.drift_rms),
-            ("drift", "% of the way", |r| r.drift_percent),
+        let drifts = [
+            ("drift in outages", "m", Figure::Drift),
+            ("drift", "% of the way", Figure::DriftPercent),
         ];
         for (name, unit, figure) in drifts {
-            if let Some(s) = self.spread(|r| figure(r).unwrap_or(f64::NAN)) {
+            if let Some(s) = self.spread(figure) {
                 let cells = [s.mean, s.std, s.min, s.max].map(Cell::Real);
                 t.row_in(Unit::shown(unit), [Cell::text(name)].into_iter().chain(cells));
             }
@@ -393,20 +383,13 @@ impl Shown<'_, Campaign> {
         let mut t = Table::new(columns);
         let outages = self.outages();
         for outage in outages.iter().take(OUTAGES) {
-            let mean = |value: &dyn Fn(&Drift) -> f64| outage.iter().map(value).sum::<f64>() / outage.len() as f64;
-            let max = outage.iter().map(|d| d.end_horizontal).fold(0.0, f64::max);
-            let errors = [
-                math::sqrt(mean(&|d| math::powi(d.end_horizontal, 2))),
-                max,
-                mean(&|d| 3.0 * d.end_sigma),
-                math::sqrt(mean(&|d| math::powi(d.end_ratio(), 2))),
-            ];
-            let inside = mean(&|d| f64::from(d.end_ratio() <= 3.0));
-            let times = [outage[0].from, outage[0].to].map(Cell::Seconds);
+            let [rms, max, sigma, ratio, inside] = outage.figures();
+            let errors = [rms, max, sigma, ratio];
+            let times = [outage.from, outage.to].map(Cell::Seconds);
             t.row(
                 times
                     .into_iter()
-                    .chain([Cell::from(outage.len())])
+                    .chain([Cell::from(outage.runs)])
                     .chain(errors.map(Cell::Real))
                     .chain([Cell::Share(inside)]),
             );
@@ -424,17 +407,16 @@ impl Shown<'_, Campaign> {
 
     fn consistency(&self) -> Section {
         let nees = NEES.into_iter().enumerate();
-        let nees = nees.map(|(i, name)| (name.to_owned(), self.judge(|r| r.nees[i])));
+        let nees = nees.map(|(i, name)| (name.to_owned(), self.judge(Statistic::Nees(i))));
         let apart = [0, 1].into_iter().flat_map(|part| {
-            let of = move |row: &RunRow, i: usize| row.episodes.as_ref()?.parts().nth(part)?.1.nees[i];
             let name = ["during", "outside"][part];
             let all = NEES.into_iter().enumerate();
-            all.map(move |(i, nees)| (format!("{nees}, {name} episodes"), self.judge(|row| of(row, i))))
+            all.map(move |(i, nees)| (format!("{nees}, {name} episodes"), self.judge(Statistic::Episodes(part, i))))
         });
         let blocks = self.blocks().iter().enumerate().filter(|(_, b)| is_judged_as_block(b));
-        let blocks = blocks.map(|(i, b)| (format!("NEES {}", b.name), self.judge(|r| r.blocks[i].nees)));
+        let blocks = blocks.map(|(i, b)| (format!("NEES {}", b.name), self.judge(Statistic::Block(i))));
         let nis = self.sensors().iter().enumerate();
-        let nis = nis.map(|(i, s)| (format!("NIS {}", s.name), self.judge(|r| r.sensors[i].nis)));
+        let nis = nis.map(|(i, s)| (format!("NIS {}", s.all.name), self.judge(Statistic::Nis(i))));
         let judged: Vec<_> = nees
             .chain(apart)
             .chain(blocks)
@@ -446,7 +428,7 @@ impl Shown<'_, Campaign> {
 
     /// Counts summed over the runs, and the longest rejection streaks.
     fn gates(&self) -> Table {
-        let counts = counts(self.rows.iter().flat_map(|row| &row.sensors));
+        let counts = counts(self.sensors().iter().map(|sensor| &sensor.all));
         let streaks = [
             Column::number("longest streak"),
             Column::with_unit("lasting", Unit::of_si("s")),
@@ -454,15 +436,11 @@ impl Shown<'_, Campaign> {
         ];
         let columns = [Column::text("sensor")].into_iter().chain(count_columns(&counts));
         let mut t = Table::new(columns.chain(streaks));
-        for (i, sensor) in self.sensors().iter().enumerate() {
-            let runs = self.rows.iter().map(|row| &row.sensors[i]);
-            let mut cells = vec![Cell::text(&sensor.name)];
-            cells.extend(counts.iter().map(|(_, count)| sum(runs.clone(), *count)));
-            let streaks = runs.clone().filter_map(|s| s.longest_rejection_streak);
-            if let Some(most) = streaks.clone().map(|r| r.measurements).max() {
-                let longest = streaks.map(|r| r.seconds).fold(0.0, f64::max);
-                let denied = runs.filter(|s| s.ends_denied).count();
-                cells.extend([Cell::Count(most), Cell::Seconds(longest), Cell::from(denied)]);
+        for SensorTally { all, denied } in self.sensors() {
+            let mut cells = vec![Cell::text(&all.name)];
+            cells.extend(counts.iter().map(|(_, count)| sum([all], *count)));
+            if let Some(most) = all.longest_rejection_streak {
+                cells.extend([Cell::Count(most.measurements), Cell::Seconds(most.seconds), Cell::from(*denied)]);
             }
             t.row(cells);
         }
@@ -473,13 +451,10 @@ impl Shown<'_, Campaign> {
     fn innovations(&self) -> Table {
         let columns = ["mean RMS", "mean max", "largest max"].map(Column::number);
         let mut t = Table::new([Column::text("residual")].into_iter().chain(columns));
-        for (i, sensor) in self.sensors().iter().enumerate() {
+        for (i, SensorTally { all: sensor, .. }) in self.sensors().iter().enumerate() {
             for (k, (row, unit)) in residual_rows(sensor).into_iter().enumerate() {
-                let of = |values: fn(&Innovations) -> &[f64]| {
-                    let known = |n: &Innovations| if n.count > 0 { values(n)[k] } else { f64::NAN };
-                    self.spread(|run| known(&run.sensors[i].innovations))
-                };
-                if let (Some(rms), Some(max)) = (of(|n| &n.rms), of(|n| &n.max)) {
+                let spreads = [Figure::InnovationRms(i, k), Figure::InnovationMax(i, k)].map(|figure| self.spread(figure));
+                if let [Some(rms), Some(max)] = spreads {
                     let cells = [rms.mean, max.mean, max.max].map(Cell::Real);
                     t.row_in(unit, [row_name(sensor, &row)].into_iter().chain(cells));
                 }

@@ -1,7 +1,6 @@
 //! How a controlled vehicle did what it was to do.
 
-use fusion_core::math;
-use fusion_judge::campaign::{Campaign, RunRow};
+use fusion_judge::campaign::{Campaign, Figure};
 use fusion_models::sim::{Leg, Record};
 use fusion_tables::Unit;
 use fusion_tables::{Cell, Column, Section, Table};
@@ -57,40 +56,27 @@ fn cells(leg: &Leg) -> Vec<Cell> {
 
 /// The runs of a campaign together; nothing where nothing is steered.
 pub(super) fn spread(campaign: &Campaign) -> Option<Section> {
-    type Figure = fn(&Record) -> f64;
-    let records = || campaign.rows.iter().filter_map(|row| row.control.as_ref());
-    records().next()?;
-    let figures: [(&str, &str, Figure); 6] = [
-        ("heading at the end of a task, largest", "rad", |r| {
-            most(r, |leg| Some(leg.heading?.errors.last))
-        }),
-        ("overshoot of the heading, largest", "rad", |r| {
-            most(r, |leg| Some(leg.heading?.overshoot))
-        }),
-        ("across at the end of a task, largest", "m", |r| {
-            most(r, |leg| Some(leg.across?.last))
-        }),
-        ("from the target at the end of a task, largest", "m", |r| {
-            most(r, |leg| leg.miss.map(|[n, e]| math::hypot(n, e)))
-        }),
-        ("from start to end", "m", |r| math::hypot(r.closure[0], r.closure[1])),
-        ("way", "m", |r| r.way),
+    /// The names and units of [`CONTROL`](fusion_judge::campaign::CONTROL).
+    const NAMES: [(&str, &str); 6] = [
+        ("heading at the end of a task, largest", "rad"),
+        ("overshoot of the heading, largest", "rad"),
+        ("across at the end of a task, largest", "m"),
+        ("from the target at the end of a task, largest", "m"),
+        ("from start to end", "m"),
+        ("way", "m"),
     ];
+    let (missions, done) = campaign.missions;
+    if missions == 0 {
+        return None;
+    }
     let numbers = ["mean", "standard deviation", "min", "max"].map(Column::number);
     let mut t = Table::new([Column::text("true minus wanted")].into_iter().chain(numbers));
-    for (name, unit, figure) in figures {
-        let of = |row: &RunRow| row.control.as_ref().map_or(f64::NAN, figure);
-        if let Some(s) = campaign.spread(of) {
+    for (k, (name, unit)) in NAMES.into_iter().enumerate() {
+        if let Some(s) = campaign.spread(Figure::Control(k)) {
             let cells = [s.mean, s.std, s.min, s.max].map(Cell::Real);
             t.row_in(Unit::of_si(unit), [Cell::text(name)].into_iter().chain(cells));
         }
     }
-    let done = records().filter(|record| record.is_done).count();
-    let note = format!("The mission was done in {done} of {} runs.", records().count());
+    let note = format!("The mission was done in {done} of {missions} runs.");
     Some(Section::new("Control, over the runs", [t]).note(note))
-}
-
-/// The largest size of a figure among the tasks.
-fn most(record: &Record, figure: fn(&Leg) -> Option<f64>) -> f64 {
-    record.legs.iter().filter_map(figure).map(f64::abs).fold(0.0, f64::max)
 }

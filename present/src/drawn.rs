@@ -71,7 +71,7 @@ impl Shown<'_, Drawn> {
         };
         let own = if self.has_reference { "root mean square error" } else { "own 1σ" };
         let rms = self.of.iter().zip(&self.undisturbed).map(|(of, rms)| {
-            let unit = match *of {
+            let unit = match of.as_str() {
                 "position" => Unit::of_si("m"),
                 "velocity" => Unit::of_si("m/s"),
                 _ => Unit::of_si("rad"),

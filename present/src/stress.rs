@@ -105,7 +105,7 @@ fn outcomes<'a>(rows: impl Iterator<Item = &'a CaseResult>) -> Table {
                 (_, true) => Cell::text("yes"),
                 (_, false) => Cell::text("no"),
             },
-            outcome.worst.map_or(Cell::Empty, |(ratio, _)| decimal(ratio)),
+            outcome.worst.as_ref().map_or(Cell::Empty, |(ratio, _)| decimal(*ratio)),
             outcome.metres.map_or(Cell::Empty, decimal),
             outcome
                 .recovered

@@ -2,15 +2,32 @@
 
 use crate::design::Design;
 use crate::error::{FusionError, raised};
-use fusion_judge::campaign::{Campaign as Runs, monte_carlo};
+use fusion_judge::campaign::{Campaign as Runs, Runner, read, write};
+use fusion_judge::part::{Head, Kind, Part, Parts, Subject};
 use fusion_present::Shown;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use std::sync::Arc;
 
 /// The runs of a campaign, or a part of them.
 #[pyclass(frozen, module = "fusion._fusion")]
 #[derive(Debug)]
-pub(crate) struct Campaign(Runs);
+pub(crate) struct Campaign {
+    bytes: Arc<[u8]>,
+    parts: Parts,
+    runs: Runs,
+}
+
+impl Campaign {
+    fn new(bytes: Vec<u8>) -> PyResult<Self> {
+        let bytes: Arc<[u8]> = bytes.into();
+        let part = Part::in_memory("campaign", Arc::clone(&bytes)).map_err(|error| refused(&error))?;
+        let parts = Parts::from(part);
+        let runs = read(&parts).map_err(|error| refused(&error))?.into_iter().next();
+        let runs = runs.ok_or_else(|| refused(&"the part has no design"))?;
+        Ok(Self { bytes, parts, runs })
+    }
+}
 
 fn refused(error: &dyn core::fmt::Display) -> PyErr {
     FusionError::new_err(error.to_string())
@@ -22,37 +39,45 @@ impl Design {
     #[pyo3(signature = (from_, to, seed, threads))]
     fn montecarlo(&self, py: Python<'_>, from_: u64, to: u64, seed: u64, threads: usize) -> PyResult<Campaign> {
         let options = self.options();
-        let ran = py.detach(|| monte_carlo(&self.design, &options, from_..to, seed, threads, &|_| ()));
-        ran.map(Campaign).map_err(|mistakes| raised(py, &mistakes))
+        let subject = Subject::new("", &self.design, seed);
+        let head = Head {
+            again: format!("fusion montecarlo {} --seed {seed}", subject.provenance.design),
+            ..Head::new(Kind::Montecarlo, vec![subject], from_..to, None)
+        };
+        let ran = py.detach(|| {
+            let mut bytes = Vec::new();
+            let work = [(Arc::clone(&self.design), options)];
+            Runner::new(seed, threads, false, &|_| ())?.write(&work, &head, &mut bytes)?;
+            Ok(bytes)
+        });
+        ran.map_err(|mistakes| raised(py, &mistakes)).and_then(Campaign::new)
     }
 }
 
 #[pymethods]
 impl Campaign {
     /// The part as bytes, for [`merge`].
-    fn part<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let mut bytes = Vec::new();
-        self.0.write_part(&mut bytes).map_err(|error| refused(&error))?;
-        Ok(PyBytes::new(py, &bytes))
+    fn part<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.bytes)
     }
 
     /// runs.csv as text.
     fn csv(&self) -> PyResult<String> {
         let mut bytes = Vec::new();
-        self.0.write(&mut bytes).map_err(|error| refused(&error))?;
+        write(&self.parts, &mut bytes).map_err(|error| refused(&error))?;
         String::from_utf8(bytes).map_err(|error| refused(&error))
     }
 
     fn page(&self, width: usize) -> String {
-        fusion_tables::text::page(&Shown(&self.0).page(), width)
+        fusion_tables::text::page(&Shown(&self.runs).page(), width)
     }
 
     fn html(&self) -> String {
-        fusion_tables::html::sections(&Shown(&self.0).page().sections).into_string()
+        fusion_tables::html::sections(&Shown(&self.runs).page().sections).into_string()
     }
 
     fn __len__(&self) -> usize {
-        self.0.rows.len()
+        self.runs.runs
     }
 }
 
@@ -60,12 +85,11 @@ impl Campaign {
 #[pyfunction]
 pub(crate) fn merge(py: Python<'_>, parts: Vec<Vec<u8>>) -> PyResult<Campaign> {
     py.detach(|| {
-        let read = parts
-            .iter()
-            .enumerate()
-            .map(|(number, part)| Runs::read_part(part.as_slice()).map_err(|error| refused(&format!("part {number}: {error}"))));
-        let read: PyResult<Vec<Runs>> = read.collect();
-        let merged = Runs::merge(read?).map_err(|(number, error)| refused(&format!("part {number}: {error}")));
-        Ok(Campaign(merged?))
+        let parts = parts.into_iter().enumerate();
+        let read: Result<Vec<Part>, _> = parts.map(|(number, part)| Part::in_memory(&format!("part {number}"), part.into())).collect();
+        let mut bytes = Vec::new();
+        let joined = Parts::whole(read.map_err(|error| refused(&error))?).and_then(|whole| whole.join(&mut bytes));
+        joined.map_err(|error| refused(&error))?;
+        Campaign::new(bytes)
     })
 }

@@ -1,17 +1,21 @@
 //! `fusion compare`.
 
+use super::montecarlo::quoted;
+use super::part::{self, range, refused};
 use super::progress::Runs;
 use super::run::written;
 use super::{DesignArgs, Failure, OutputArgs, as_warnings, report};
 use clap::Args;
+use core::ops::Range;
 use fusion::BASE;
 use fusion::design::{Design, differences};
 use fusion::examine::{Missing, variants};
 use fusion::output::FileSet;
 use fusion::provenance::Provenance;
 use fusion::run::{Keep, Options, Smoothing, Summary};
-use fusion_judge::campaign::{Campaign, monte_carlo};
+use fusion_judge::campaign::{Campaign, Runner, read};
 use fusion_judge::likelihood::Terms;
+use fusion_judge::part::{Head, Kind, Parts, Subject};
 use fusion_present::Shown;
 use fusion_present::campaign::{health, pooled};
 use fusion_present::comparison;
@@ -48,6 +52,12 @@ pub(super) struct CompareArgs {
     /// Smooths every run by all its data, in memory, and shows smoothed estimates next to the others.
     #[arg(long)]
     smooth: bool,
+    /// In place of `-n`: runs these numbers only, such as 50..100, of campaigns that start at 0; the last number is not included.
+    #[arg(long, value_name = "A..B", conflicts_with_all = ["n", "out", "smooth"], value_parser = range)]
+    runs: Option<Range<u64>>,
+    /// Writes the runs of all designs to this file, for `fusion merge`.
+    #[arg(long, value_name = "FILE", conflicts_with = "out", requires = "runs")]
+    part: Option<PathBuf>,
     /// Runs each N times and compares the figures of all runs together. Each time has another seed, but the same seeds
     /// for all. Not with `--out` or `--smooth`: `fusion montecarlo --out` writes the page of one variant.
     #[arg(short, alias = "n", value_name = "N", conflicts_with_all = ["out", "smooth"], value_parser = clap::value_parser!(u64).range(1..))]
@@ -77,8 +87,8 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let (mut results, mut recordings, mut title) = (Vec::<(String, Summary)>::new(), Vec::new(), String::new());
     let mut terms = Vec::new();
-    let mut campaigns = Vec::<(String, Campaign)>::new();
-    let mut designs = Vec::new();
+    let numbers = args.runs.clone().or(args.n.map(|n| 0..n));
+    let (mut work, mut names) = (Vec::<(Design, Options)>::new(), Vec::new());
     let bar = Runs::new();
     let number = configs.len() * pairs(&args.variant, &args.backend).count();
     for config in &configs {
@@ -109,34 +119,44 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 ..Options::default()
             };
             let design = named.design(&file, Missing::Told)?;
-            designs.push(design);
-            let design = &designs[designs.len() - 1];
             let path = config.as_ref().filter(|_| configs.len() > 1).map(|p| p.display().to_string());
             let variant = Some(variant.clone()).filter(|v| backend.is_none() || v != BASE);
             let name: Vec<String> = path.into_iter().chain(variant).chain(backend.cloned()).collect();
             let name = name.join(" ");
-            if let Some(n) = args.n {
-                let before = n * campaigns.len() as u64;
-                let told = |done| bar.at(before + done as u64, n * number as u64);
-                campaigns.push((name, monte_carlo(design, &options, 0..n, args.seed.unwrap_or(1), 0, &told)?));
+            names.push(name.clone());
+            work.push((design, options));
+            if numbers.is_some() {
                 continue;
             }
+            let (design, options) = &work[work.len() - 1];
             bar.at(results.len() as u64, number as u64);
             let mut own = Terms::new(design);
-            let (finished, recording) = record(design, &options, &mut [&mut own], &mut |_| {})?;
+            let (finished, recording) = record(design, options, &mut [&mut own], &mut |_| {})?;
             terms.push(own);
             title.clone_from(&design.run.description);
             recordings.push(recording);
             results.push((name, finished.summary));
         }
     }
-    drop(bar);
-    if let Some(n) = args.n {
-        let mut page = together(n, &campaigns);
-        page.warnings
-            .extend(other_references(campaigns.iter().map(|(name, _)| name), &designs));
+    if let Some(numbers) = numbers {
+        let references = other_references(&names, &work);
+        let seed = args.seed.unwrap_or(1);
+        let subjects = names.iter().zip(&work).map(|(name, (design, _))| Subject::new(name, design, seed));
+        let total = (numbers.end - numbers.start) * number as u64;
+        let head = Head {
+            again: format!("{} --seed {seed}", args.typed()),
+            ..Head::new(Kind::Compare, subjects.collect(), numbers, None)
+        };
+        let head = head.sharing(&references)?;
+        let told = |done| bar.at(done as u64, total);
+        let runner = Runner::new(seed, 0, false, &told)?;
+        let part = part::work(args.part.as_deref(), |file| runner.write(&work, &head, file))?;
+        drop(bar);
+        let mut page = together(&part.into())?;
+        page.sections.extend(args.part.clone().map(|path| written([path])));
         return args.output.print(&page);
     }
+    drop(bar);
     let named: Vec<(&str, &Summary)> = results.iter().map(|(name, summary)| (name.as_str(), summary)).collect();
     let told = named
         .iter()
@@ -144,9 +164,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let mut page = Page {
         title: title.clone(),
         provenance: Provenance::common(named.iter().map(|(_, summary)| &summary.identity().provenance)),
-        warnings: told
-            .chain(other_references(results.iter().map(|(name, _)| name), &designs))
-            .collect(),
+        warnings: told.chain(other_references(&names, &work)).collect(),
         sections: comparison::sections(&named),
     };
     let likelihoods: Vec<(&str, &Terms)> = results
@@ -165,28 +183,49 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     args.output.print(&page)
 }
 
+impl CompareArgs {
+    /// The command, without its numbers and files, as a user types it.
+    fn typed(&self) -> String {
+        let first = DesignArgs {
+            config: None,
+            variant: Vec::new(),
+            set: self.set.clone(),
+            backend: None,
+            data: self.data.clone(),
+        };
+        let files = self.configs.iter().map(|path| quoted(&path.display().to_string()));
+        let mut words: Vec<String> = ["fusion compare".to_owned()].into_iter().chain(files).collect();
+        for (option, names) in [("variant", &self.variant), ("backend", &self.backend)] {
+            words.extend((!names.is_empty()).then(|| format!("--{option} {}", names.join(","))));
+        }
+        first.typed(&words.join(" ").replacen("fusion ", "", 1))
+    }
+}
+
 /// A sentence for each run that is judged by another reference than the first run.
-fn other_references<'a>(names: impl Iterator<Item = &'a String>, designs: &[Design]) -> Vec<String> {
-    let of = |(name, design): (&String, &Design)| {
-        let differ = differences(designs.first()?, design);
+fn other_references(names: &[String], work: &[(Design, Options)]) -> Vec<String> {
+    let of = |(name, (design, _)): (&String, &(Design, Options))| {
+        let differ = differences(&work.first()?.0, design);
         (!differ.is_empty()).then(|| {
             let differ = differ.join("; ");
             format!("{name}: judged by another [reference] than the first, so that their errors do not compare: {differ}")
         })
     };
-    names.zip(designs).filter_map(of).collect()
+    names.iter().zip(work).filter_map(of).collect()
 }
 
-/// The figures of campaigns of `n` runs each.
-fn together(n: u64, campaigns: &[(String, Campaign)]) -> Page {
-    let named: Vec<(&str, &Campaign)> = campaigns.iter().map(|(name, campaign)| (name.as_str(), campaign)).collect();
+/// The figures of campaigns over the same seeds.
+pub(super) fn together(parts: &Parts) -> Result<Page, Failure> {
+    let campaigns = read(parts).map_err(refused)?;
+    let named: Vec<(&str, &Campaign)> = campaigns.iter().map(|c| (c.subject.name.as_str(), c)).collect();
     let told = named
         .iter()
         .flat_map(|(name, c)| Shown(*c).warnings().into_iter().map(move |w| format!("{name}: {w}")));
-    Page {
-        title: format!("{n} runs each"),
-        provenance: Provenance::common(named.iter().map(|(_, campaign)| &campaign.provenance)),
-        warnings: told.collect(),
+    let references: Vec<String> = parts.shared().map_err(refused)?;
+    Ok(Page {
+        title: format!("{} runs each", campaigns.first().map_or(0, |c| c.runs)),
+        provenance: Provenance::common(named.iter().map(|(_, campaign)| &campaign.subject.provenance)),
+        warnings: told.chain(references).collect(),
         sections: vec![pooled(&named), health(&named)],
-    }
+    })
 }

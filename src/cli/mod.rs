@@ -18,6 +18,7 @@ mod merge;
 mod montecarlo;
 mod new;
 mod observability;
+mod part;
 mod progress;
 mod record;
 mod run;
@@ -186,15 +187,18 @@ Examples:
         visible_alias = "mc"
     )]
     Montecarlo(montecarlo::MonteCarloArgs),
-    /// Join the parts of a campaign that several processes or machines have run.
+    /// Join the parts of a campaign, a comparison or a stress that several processes or machines have run.
     ///
-    /// Table and runs.csv are those of one process, for any parts in any order. Parts of another design, seed,
-    /// program or platform are refused, and so are runs that are missing or in two parts.
+    /// Tables and files are those of one process, for any parts in any order; memory does not grow with the rows. Parts
+    /// of another command, design, seed, program or platform are refused, and so are numbers that are missing or in two
+    /// parts. For parts that are cut or missing, the message has the command that writes them.
     #[command(after_long_help = "\
 Examples:
   fusion montecarlo drive.toml --runs 0..50 --part a.cbor      on one machine
   fusion montecarlo drive.toml --runs 50..100 --part b.cbor    on another one
-  fusion merge a.cbor b.cbor --out results")]
+  fusion merge a.cbor b.cbor --out results
+  fusion stress drive.toml --draw 200 --runs 1..101 --part c.cbor    cases count from 1
+  fusion compare a.toml b.toml --runs 0..50 --part d.cbor")]
     Merge(merge::MergeArgs),
     /// Run a design under a catalogue of faults, one at a time and in random pairs: does it survive,
     /// and does it report its failures.
@@ -224,6 +228,9 @@ Examples:
     /// Fisher scoring over the likelihood of the innovations. Each noise has one factor. The rows of a sensor are
     /// thinned until its innovations are white; if too few are left, nothing is tuned and the exit code is 4. A noise
     /// that the log does not determine keeps its value. Each part of the log is judged by what the other parts give.
+    ///
+    /// The work has no `--part`, because each iteration needs the one before. Tunings by other logs or starts are separate
+    /// commands.
     #[command(after_long_help = "\
 Examples:
   fusion tune drive.toml --data ~/logs/drive-3

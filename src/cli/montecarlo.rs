@@ -1,5 +1,6 @@
 //! `fusion montecarlo`.
 
+use super::part::{self, range, refused};
 use super::progress::Runs;
 use super::run::written;
 use super::{DesignArgs, Failure, OutputArgs};
@@ -9,11 +10,12 @@ use fusion::config::Diagnostic;
 use fusion::design::Design;
 use fusion::output::FileSet;
 use fusion::run::Options;
-use fusion_judge::campaign::{Campaign, History, RunRow, monte_carlo, monte_carlo_over_time};
+use fusion_judge::campaign::{Campaign, RunRow, Runner, read, write};
+use fusion_judge::part::{Head, Kind, Parts, Subject};
 use fusion_present::Shown;
-use fusion_present::report::{Look, Run, record, render, render_campaign, worst_first};
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use fusion_present::report::{Look, Run, record, render, render_campaign};
+use fusion_tables::Page;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// The number of runs with the largest errors whose reports are written.
@@ -40,20 +42,11 @@ pub(super) struct MonteCarloArgs {
     /// so on.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Writes the runs to this file, for `fusion merge`.
+    /// Writes the runs to this file, for `fusion merge`. A file without an end, `FILE.partial`, is that of a stopped run.
     #[arg(long, value_name = "FILE", conflicts_with = "out")]
     part: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
-}
-
-/// Numbers of runs, from the command line.
-fn range(text: &str) -> Result<Range<u64>, String> {
-    let ends = text
-        .split_once("..")
-        .and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));
-    ends.filter(|runs: &Range<u64>| !runs.is_empty())
-        .ok_or_else(|| "write two numbers such as 50..100, the first one smaller".to_owned())
 }
 
 pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
@@ -66,100 +59,95 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
     // Reports files that cannot be written before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let bar = Runs::new();
-    let runs = args.runs.clone().unwrap_or(0..args.n);
-    let total = runs.end - runs.start;
-    let told = |done| bar.at(done as u64, total);
-    let (campaign, histories) = match args.out {
-        Some(_) => monte_carlo_over_time(&design, &options, runs, args.seed, args.threads, &told)?,
-        None => (monte_carlo(&design, &options, runs, args.seed, args.threads, &told)?, Vec::new()),
+    let numbers = args.runs.clone().unwrap_or(0..args.n);
+    let total = numbers.end - numbers.start;
+    let subject = Subject::new("", &design, args.seed);
+    let head = Head {
+        again: format!("{} --seed {}", args.design.typed("montecarlo"), args.seed),
+        run: args.design.typed("run"),
+        ..Head::new(Kind::Montecarlo, vec![subject], numbers, None)
     };
+    let told = |done| bar.at(done as u64, total);
+    let over_time = args.out.is_some() || args.part.is_some();
+    let runner = Runner::new(args.seed, args.threads, over_time, &told)?;
+    let work = [(design, options)];
+    let part = part::work(args.part.as_deref(), |file| runner.write(&work, &head, file))?;
     drop(bar);
-    let mut page = Shown(&campaign).page();
-    if let Some(path) = &args.part {
-        write_part(&campaign, path)?;
-        page.sections.push(written([path.clone()]));
-    }
-    if let (Some(out), Some(mut files)) = (&args.out, files) {
-        files.write("runs.csv", |file| campaign.write(file))?;
-        let reports = args.pages(&mut files, &design, &options, (&campaign, &histories))?;
-        files.commit()?;
-        let names = ["runs.csv", "montecarlo.html"].into_iter();
-        page.sections.push(written(
-            names
-                .chain(reports.iter().map(|(_, name)| name.as_str()))
-                .map(|name| out.join(name)),
-        ));
-    }
+    let mut page = results(&part.into(), args.out.as_deref(), files, Some(&work[0]))?;
+    page.sections.extend(args.part.clone().map(|path| written([path])));
     args.output.print(&page)
 }
 
-/// Writes the campaign to a file: complete, or not at all.
-fn write_part(campaign: &Campaign, path: &Path) -> Result<(), Failure> {
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".partial");
-    let write = || -> std::io::Result<()> {
-        let mut file = BufWriter::new(File::create(&partial)?);
-        campaign.write_part(&mut file)?;
-        file.into_inner()?.sync_all()?;
-        std::fs::rename(&partial, path)
+/// The page of a campaign, after its files are written. The worst runs need the design.
+pub(super) fn results(
+    parts: &Parts,
+    out: Option<&Path>,
+    files: Option<FileSet>,
+    design: Option<&(Design, Options)>,
+) -> Result<Page, Failure> {
+    let campaigns = read(parts).map_err(refused)?;
+    let [campaign] = campaigns.as_slice() else {
+        return Err(Diagnostic::error("a campaign of one design was asked for").into());
     };
-    write().map_err(|e| Failure::Mistakes(Diagnostic::error(format!("`{}` cannot be written: {e}", path.display())).into()))
-}
-
-impl MonteCarloArgs {
-    /// Writes montecarlo.html, and the reports of the worst runs: their numbers and files.
-    fn pages(
-        &self,
-        files: &mut FileSet,
-        design: &Design,
-        options: &Options,
-        (campaign, histories): (&Campaign, &[History]),
-    ) -> Result<Vec<(u64, String)>, Failure> {
-        let mut reports = Vec::new();
-        for row in worst_first(campaign).into_iter().take(WORST) {
-            let again = Options {
-                seed: Some(row.seed),
-                data: options.data.clone(),
-                base: options.base.clone(),
-                ..Options::default()
-            };
-            let (finished, recording) = record(design, &again, &mut [], &mut |_| {})?;
-            let run = Run {
-                name: "estimate",
-                recording: &recording,
-                summary: &finished.summary,
-            };
-            let title = format!("{} · run {}, seed {}", design.run.description, row.run, row.seed);
-            let name = format!("worst-{}.html", reports.len() + 1);
-            let text = render(title.trim_start_matches(" · "), &[run]);
-            files.write(&name, |file| file.write_all(text.as_bytes()))?;
-            reports.push((row.run, name));
-        }
+    let mut page = Shown(campaign).page();
+    if let (Some(out), Some(mut files)) = (out, files) {
+        files.write("runs.csv", |file| write(parts, file))?;
+        let reports = design.map_or(Ok(Vec::new()), |design| worst_reports(campaign, design, &mut files))?;
         let look = |row: &RunRow| Look {
-            command: self.command(row),
+            command: format!("{} --seed {} --out run-{}", parts.head().run, row.seed, row.run),
             report: reports.iter().find(|(run, _)| *run == row.run).map(|(_, name)| name.clone()),
         };
-        let text = render_campaign(&design.run.description, campaign, histories, &look);
+        let text = render_campaign(&campaign.subject.description, campaign, &look);
         files.write("montecarlo.html", |file| file.write_all(text.as_bytes()))?;
-        Ok(reports)
+        files.commit()?;
+        let names = ["runs.csv", "montecarlo.html"].into_iter();
+        let names = names.chain(reports.iter().map(|(_, name)| name.as_str()));
+        page.sections.push(written(names.map(|name| out.join(name))));
     }
+    Ok(page)
+}
 
-    /// The command that writes the report of a run.
-    fn command(&self, row: &RunRow) -> String {
+/// Writes the reports of the worst runs: their numbers and files.
+fn worst_reports(campaign: &Campaign, (design, options): &(Design, Options), files: &mut FileSet) -> Result<Vec<(u64, String)>, Failure> {
+    let mut reports = Vec::new();
+    for row in campaign.worst().iter().take(WORST) {
+        let again = Options {
+            seed: Some(row.seed),
+            data: options.data.clone(),
+            base: options.base.clone(),
+            ..Options::default()
+        };
+        let (finished, recording) = record(design, &again, &mut [], &mut |_| {})?;
+        let run = Run {
+            name: "estimate",
+            recording: &recording,
+            summary: &finished.summary,
+        };
+        let title = format!("{} · run {}, seed {}", design.run.description, row.run, row.seed);
+        let name = format!("worst-{}.html", reports.len() + 1);
+        let text = render(title.trim_start_matches(" · "), &[run]);
+        files.write(&name, |file| file.write_all(text.as_bytes()))?;
+        reports.push((row.run, name));
+    }
+    Ok(reports)
+}
+
+impl DesignArgs {
+    /// The command with this design, as a user types it.
+    pub(super) fn typed(&self, command: &str) -> String {
         let path = |path: &Path| quoted(&path.display().to_string());
-        let mut words = vec!["fusion run".to_owned()];
-        words.extend(self.design.config.iter().map(|file| path(file)));
-        words.extend(self.design.variant.iter().map(|name| format!("--variant {}", quoted(name))));
-        words.extend(self.design.backend.iter().map(|words| format!("--backend {}", quoted(words))));
-        words.extend(self.design.set.iter().map(|set| format!("--set {}", quoted(set))));
-        words.extend(self.design.data.iter().map(|data| format!("--data {}", path(data))));
-        words.push(format!("--seed {} --out run-{}", row.seed, row.run));
+        let mut words = vec![format!("fusion {command}")];
+        words.extend(self.config.iter().map(|file| path(file)));
+        words.extend(self.variant.iter().map(|name| format!("--variant {}", quoted(name))));
+        words.extend(self.backend.iter().map(|words| format!("--backend {}", quoted(words))));
+        words.extend(self.set.iter().map(|set| format!("--set {}", quoted(set))));
+        words.extend(self.data.iter().map(|data| format!("--data {}", path(data))));
         words.join(" ")
     }
 }
 
 /// A word with shell quotes, if it needs them.
-fn quoted(word: &str) -> String {
+pub(super) fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,+:".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {
         word.to_owned()

@@ -1,15 +1,19 @@
 //! `fusion stress`.
 
+use super::part::{self, range, refused};
 use super::progress::Runs;
 use super::run::written;
 use super::{DesignArgs, Failure, OutputArgs, read_text};
 use clap::Args;
+use core::ops::Range;
 use fusion::config::{Diagnostics, Document};
-use fusion::output::FileSet;
+use fusion::output::{FileSet, OutputFile};
 use fusion::run::Options;
-use fusion_judge::stress::draw::draw;
-use fusion_judge::stress::{Catalogue, stress as stress_design};
+use fusion_judge::part::{Kind, Parts};
+use fusion_judge::stress::draw::{Drawn, draw};
+use fusion_judge::stress::{Catalogue, Stress, Work, stress as stress_design};
 use fusion_present::Shown;
+use fusion_tables::{Page, Section};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -40,6 +44,12 @@ pub(super) struct StressArgs {
     /// Writes stress.csv here, or draw.csv with `--draw`, one row per case; creates the folder if necessary.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Runs the cases with these numbers only, such as 1..50; they count from 1, the last number is not included.
+    #[arg(long, value_name = "A..B", conflicts_with = "case", value_parser = range)]
+    runs: Option<Range<u64>>,
+    /// Writes the cases to this file, for `fusion merge`.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["out", "case"])]
+    part: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -58,40 +68,66 @@ pub(super) fn stress(args: &StressArgs) -> Result<(), Failure> {
     let bar = Runs::new();
     let seed = args.seed.unwrap_or(1);
     let told = |done, total| bar.at(done as u64, total as u64);
-    if let Some(count) = args.draw {
-        let result = draw(&design, &catalogue, &options, seed, (count, &args.case), args.threads, &told)?;
-        drop(bar);
-        let mut page = Shown(&result).page(&args.again(count, seed));
-        if let (Some(out), Some(mut files)) = (&args.out, files) {
-            files.write("draw.csv", |file| result.write(file))?;
-            files.commit()?;
-            page.sections.push(written([out.join("draw.csv")]));
-        }
-        args.output.print(&page)?;
-        return if result.fails() { Err(Failure::Stress) } else { Ok(()) };
-    }
-    let result = stress_design(&design, &catalogue, &options, seed, args.threads, &told);
+    let work = Work {
+        seed,
+        numbers: args.runs.clone(),
+        threads: args.threads,
+        again: args.again(seed),
+        progress: &told,
+    };
+    let part = part::work(args.part.as_deref(), |file| match args.draw {
+        Some(count) => draw(&design, &catalogue, &options, (count, &args.case), &work, file),
+        None => stress_design(&design, &catalogue, &options, &work, file),
+    })?;
     drop(bar);
-    let result = result?;
-    let mut page = Shown(&result).page();
-    if let (Some(out), Some(mut files)) = (&args.out, files) {
-        files.write("stress.csv", |file| result.write(file))?;
-        files.commit()?;
-        page.sections.push(written([out.join("stress.csv")]));
+    let written_part = args.part.clone().map(|path| written([path]));
+    results(&part.into(), args.out.as_deref(), files, &args.output, written_part)
+}
+
+/// Writes and prints the result, and judges it.
+pub(super) fn results(
+    parts: &Parts,
+    out: Option<&Path>,
+    files: Option<FileSet>,
+    output: &OutputArgs,
+    more: Option<Section>,
+) -> Result<(), Failure> {
+    type Written<'a> = &'a dyn Fn(&mut OutputFile) -> std::io::Result<()>;
+    let finish = |mut page: Page, name: &str, write: Written<'_>, fails: bool| {
+        if let (Some(out), Some(mut files)) = (out, files) {
+            files.write(name, write)?;
+            files.commit()?;
+            page.sections.push(written([out.join(name)]));
+        }
+        page.sections.extend(more);
+        output.print(&page)?;
+        if fails { Err(Failure::Stress) } else { Ok(()) }
+    };
+    if parts.head().kind == Kind::Draw {
+        let result = Drawn::read(parts).map_err(refused)?;
+        let page = Shown(&result).page(&parts.head().again);
+        return finish(page, "draw.csv", &|file| result.write(file), result.fails());
     }
-    args.output.print(&page)?;
-    if result.failures() > 0 { Err(Failure::Stress) } else { Ok(()) }
+    let result = Stress::read(parts).map_err(refused)?;
+    finish(
+        Shown(&result).page(),
+        "stress.csv",
+        &|file| result.write(file),
+        result.failures() > 0,
+    )
 }
 
 impl StressArgs {
-    /// The command that draws the same cases.
-    fn again(&self, count: u64, seed: u64) -> String {
+    /// The command of the same cases.
+    fn again(&self, seed: u64) -> String {
         let mut words = vec!["fusion stress".to_owned()];
         words.extend(self.design.config.as_ref().map(|path| path.display().to_string()));
         words.extend(self.design.words());
         words.extend(self.catalogue.as_ref().map(|path| format!("--catalogue {}", path.display())));
         words.extend((!self.only.is_empty()).then(|| format!("--only {}", self.only.join(","))));
-        words.push(format!("--draw {count} --seed {seed}"));
+        words.extend(self.pairs.map(|pairs| format!("--pairs {pairs}")));
+        words.extend(self.draw.map(|count| format!("--draw {count}")));
+        words.push(format!("--seed {seed}"));
         words.join(" ")
     }
 }

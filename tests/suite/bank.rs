@@ -16,7 +16,7 @@ fn ten_runs(file: &str, variants: &[&str], sets: &[&str]) -> Pooled {
     sets.iter().for_each(|set| document.set(set).unwrap());
     let design = Design::read(document).unwrap_or_else(|d| panic!("{d}"));
     let campaign = monte_carlo(&design, &Options::default(), 0..10, 1, 0, &|_| {});
-    campaign.unwrap_or_else(|d| panic!("{d}")).pooled()
+    campaign.unwrap_or_else(|d| panic!("{d}")).campaign.pooled()
 }
 
 /// Of 100 runs all are right 20 s after the first true fix, and none with `nis`, 1 with `two_condition`.

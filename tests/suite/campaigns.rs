@@ -10,7 +10,7 @@ use fusion::config::Document;
 use fusion::design::Design;
 use fusion::observe::SensorStatistics;
 use fusion::run::{Options, run};
-use fusion_judge::campaign::{Campaign, RunRow, monte_carlo};
+use fusion_judge::campaign::{Compared, RunRow, Runs, Statistic, monte_carlo};
 use std::path::Path;
 use std::sync::LazyLock;
 
@@ -29,15 +29,15 @@ fn design(variants: &str, set: &[&str]) -> Design {
 }
 
 /// The campaign of `fusion montecarlo configs/ins-gps-outlier.toml -n 100 --variant …`.
-fn campaign(variants: &str, set: &[&str]) -> Campaign {
+fn campaign(variants: &str, set: &[&str]) -> Runs {
     monte_carlo(&design(variants, set), &Options::default(), 0..RUNS, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
 }
 
 /// The design without changes.
-static BASE: LazyLock<Campaign> = LazyLock::new(|| campaign("", &[]));
+static BASE: LazyLock<Runs> = LazyLock::new(|| campaign("", &[]));
 
 /// RMS over all runs, per axis.
-fn pooled(campaign: &Campaign) -> [f64; 3] {
+fn pooled(campaign: &Runs) -> [f64; 3] {
     core::array::from_fn(|i| campaign.spread(|r| r.rms[i].powi(2)).unwrap().mean.sqrt())
 }
 
@@ -50,7 +50,7 @@ fn gps(row: &RunRow) -> &SensorStatistics {
 }
 
 /// The sum over all runs.
-fn sum(campaign: &Campaign, count: impl Fn(&SensorStatistics) -> u64) -> u64 {
+fn sum(campaign: &Runs, count: impl Fn(&SensorStatistics) -> u64) -> u64 {
     campaign.rows.iter().map(|r| count(gps(r))).sum()
 }
 
@@ -59,13 +59,13 @@ fn missed(gps: &SensorStatistics) -> u64 {
 }
 
 /// The longest series of rejections in any run: measurements and seconds.
-fn longest(campaign: &Campaign) -> (u64, f64) {
+fn longest(campaign: &Runs) -> (u64, f64) {
     let streaks = campaign.rows.iter().filter_map(|r| gps(r).longest_rejection_streak);
     streaks.fold((0, 0.0), |(n, t), r| (n.max(r.measurements), t.max(r.seconds)))
 }
 
 /// No lockout at the end, and none longer than an inertial fault may take.
-fn never_locked_out(campaign: &Campaign) {
+fn never_locked_out(campaign: &Runs) {
     assert!(campaign.rows.iter().all(|r| !gps(r).ends_denied) && longest(campaign).1 <= 45.0);
 }
 
@@ -115,7 +115,7 @@ fn sound_fixes_pass_the_gate() {
 fn slow_errors_as_states_make_the_filter_consistent() {
     let c = campaign("correlated-bias", &[]);
     for (i, name) in ["position", "velocity", "attitude"].into_iter().enumerate() {
-        let judged = c.judge(|r| r.nees[i]).unwrap();
+        let judged = c.campaign.judge(Statistic::Nees(i)).unwrap();
         println!("slow errors: NEES of {name} {:.2}, band {:.2?}", judged.mean, judged.band);
         // The errors agree with the filter's σ within a tenth: the scale errors of the unit are not states.
         assert!(((judged.mean / 3.0).sqrt() - 1.0).abs() < 0.1, "{name} {judged:?}");
@@ -249,7 +249,7 @@ fn the_square_of_the_tracked_vehicle_is_driven_in_each_of_fifty_runs() {
 }
 
 /// The campaign of a design with a vehicle.
-fn steered(file: &str, variants: &[&str], runs: u64) -> Campaign {
+fn steered(file: &str, variants: &[&str], runs: u64) -> Runs {
     let design = crate::steered::design(file, variants, &[]);
     monte_carlo(&design, &Options::default(), 0..runs, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
 }
@@ -284,10 +284,10 @@ fn the_sea_trial_is_better_with_the_filter_than_without_in_each_of_twenty_runs()
             .zip(&other_runs.rows)
             .map(|(a, b)| a.position_rmse / b.position_rmse);
         println!("sea trial: error over that of {other}, at worst {:.3}", worst.fold(0.0, f64::max));
-        let duel = chna.against(&other_runs, |row| row.position_rmse).unwrap();
+        let duel = chna.campaign.against(&other_runs.campaign, Compared::Position).unwrap();
         assert_eq!((duel.better, duel.runs), (20, 20), "{other}");
     }
-    let outside = |k: usize| chna.judge(|row| row.episodes.as_ref()?.outside.nees[k]).unwrap();
+    let outside = |k: usize| chna.campaign.judge(Statistic::Episodes(1, k)).unwrap();
     println!(
         "  outside episodes: NEES {:.2?}",
         [0, 1, 2].map(|k| (outside(k).mean, outside(k).band))

@@ -4,7 +4,7 @@
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::Options;
-use fusion_judge::campaign::{Campaign, monte_carlo};
+use fusion_judge::campaign::{Runs, Statistic, monte_carlo};
 
 /// Two loops: the nose goes up to 150° of pitch and down to −150°, the second time while it turns.
 const LOOPS: &str = r#"
@@ -37,7 +37,7 @@ rate = "100 Hz"
 white = "3 deg"
 "#;
 
-fn loops(chart: &str) -> Campaign {
+fn loops(chart: &str) -> Runs {
     let (mut document, errors) = Document::parse("loops.toml", LOOPS);
     assert!(errors.is_empty(), "{errors:?}");
     document.set(&format!("filter.chart={chart}")).unwrap();
@@ -47,7 +47,7 @@ fn loops(chart: &str) -> Campaign {
 
 #[test]
 fn every_chart_is_consistent_through_loops_that_pass_the_vertical() {
-    let nees = |chart: &str| loops(chart).judge(|run| run.nees[2]).unwrap();
+    let nees = |chart: &str| loops(chart).campaign.judge(Statistic::Nees(2)).unwrap();
     let body = nees("body");
     assert!(body.is_consistent(), "{body:?}");
     for chart in ["navigation", "additive_quaternion", "additive_euler"] {

@@ -6,7 +6,7 @@ use fusion::core::runner::Halt;
 use fusion::design::Design;
 use fusion::observe::{RunEvent, RunObserver};
 use fusion::run::{Options, Run, run};
-use fusion_judge::campaign::monte_carlo;
+use fusion_judge::campaign::{Statistic, monte_carlo};
 
 /// Two circles with a bump between them, so that the body's field appears on all axes. Other sensors determine the
 /// tilt, only the field determines the heading.
@@ -65,7 +65,7 @@ fn hard_iron_is_found_while_the_body_turns_and_the_heading_is_then_the_true_one(
     // The simulated body has a magnetic field, drawn with 5 uT per axis; the Earth's field is 50 uT.
     let campaign = |sets: &[&str]| monte_carlo(&design(sets), &Options::default(), 0..8, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
     let heading = |sets: &[&str]| campaign(sets).spread(|r| r.attitude_rms[2]).unwrap().mean;
-    let nees = campaign(&[]).judge(|r| r.nees[2]).unwrap();
+    let nees = campaign(&[]).campaign.judge(Statistic::Nees(2)).unwrap();
     // 8 runs, correlated over a minute each: their band is 2.5 to 3.5. One third more for the nonlinearity of a start
     // with 10 deg of heading and 5 uT.
     assert!((2.2..4.5).contains(&nees.mean), "{nees:?}");

@@ -25,8 +25,8 @@ fn a_campaign_is_the_same_on_one_thread_and_on_two() {
     let design = design("ins-gps.toml", &SETS);
     let table = |threads| {
         let campaign = monte_carlo(&design, &Options::default(), 0..5, 7, threads, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
-        assert_eq!(campaign.pace.threads, threads);
-        assert_eq!(campaign.pace.epochs, 5 * campaign.rows[0].epochs);
+        assert_eq!(campaign.campaign.pace.threads, threads);
+        assert_eq!(campaign.campaign.pace.epochs, 5 * campaign.rows[0].epochs);
         let mut table = Vec::new();
         campaign.write(&mut table).unwrap();
         String::from_utf8(table).unwrap()
@@ -97,24 +97,64 @@ fn parts_of_a_campaign_make_the_whole_in_any_order() {
     }
     let merged = stdout(&w.fusion(&["merge", "c", "a", "b", "--out", "merged"]).success());
     assert_eq!(w.read("whole/runs.csv"), w.read("merged/runs.csv"));
-    // The last lines are the pace and the files.
-    let tables = |page: &str| {
-        page.lines()
-            .take_while(|line| !line.contains("filter epochs in"))
-            .map(str::to_owned)
-            .collect::<Vec<_>>()
-    };
     assert!(tables(&whole).len() > 20, "{whole}");
     assert_eq!(tables(&whole), tables(&merged));
+    // The page too, with the fans; the reports of the worst runs need the design.
+    let html = |file: &str| -> Vec<String> {
+        let differs = ["a href=\"worst-", "/a>", "code>", "/code>"];
+        let text = w.read(file);
+        let tags = text
+            .split('<')
+            .filter(|tag| !tag.contains("filter epochs in") && !differs.iter().any(|start| tag.starts_with(start)));
+        tags.map(str::to_owned).collect()
+    };
+    assert!(w.read("whole/montecarlo.html").contains("worst-3.html"));
+    assert!(w.read("merged/montecarlo.html").contains("--seed "));
+    assert_eq!(html("whole/montecarlo.html"), html("merged/montecarlo.html"));
 
     with(&["--set", "run.stop=20", "--runs", "4..5", "--part", "other"]).success();
     let refused = |files: &[&str]| stderr(&w.fusion(&[&["merge"], files].concat()).failure());
     assert!(refused(&["a", "b", "other"]).contains("`other`: it belongs to another campaign: its design is"));
-    assert!(refused(&["a", "c"]).contains("runs 1 to 3 are in no part"));
+    assert!(refused(&["a", "c"]).contains("runs 1 to 3 are in no part: write them with `fusion montecarlo "));
+    assert!(refused(&["a", "c"]).contains(" --seed 7 --runs 1..4 --part FILE`"));
     assert!(refused(&["c", "b"]).contains("runs 0 to 0 are in no part"));
     assert!(refused(&["a", "b", "a"]).contains("`a`: run 0 is in two parts"));
     assert!(refused(&[design]).contains("this is no part of a campaign"));
     let bytes = std::fs::read(w.path("b")).unwrap();
     std::fs::write(w.path("cut"), &bytes[..bytes.len() / 2]).unwrap();
-    assert!(refused(&["a", "cut"]).contains("`cut`: row 2: the file ends here"));
+    let cut = refused(&["a", "cut", "c"]);
+    assert!(
+        cut.contains("`cut`: it ends after 1 of 3 runs") && cut.contains(" --runs 1..4 --part cut`"),
+        "{cut}"
+    );
+}
+
+/// What a run prints, without the last lines: the pace and the files.
+fn tables(page: &str) -> Vec<String> {
+    page.lines()
+        .take_while(|line| !line.contains("filter epochs in") && !line.contains("Written"))
+        .map(str::to_owned)
+        .collect()
+}
+
+/// Several designs over the same seeds are one work.
+#[test]
+fn parts_of_a_comparison_make_the_whole() {
+    let w = Workspace::new("compare-parts");
+    let design = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/ins-gps.toml");
+    let with = |args: &[&str]| {
+        let sets: Vec<&str> = SETS.iter().flat_map(|set| ["--set", set]).collect();
+        w.fusion(&[&["compare", design, "--backend", "ekf,iekf"], &sets[..], args].concat())
+    };
+    let whole = stdout(&with(&["-n", "4"]).success());
+    with(&["--runs", "0..1", "--part", "a"]).success();
+    with(&["--runs", "1..4", "--part", "b"]).success();
+    assert_eq!(whole, stdout(&w.fusion(&["merge", "b", "a"]).success()));
+    assert!(whole.contains("of 4 runs"), "{whole}");
+    w.fusion(&["montecarlo", design, "--runs", "4..5", "--part", "other"]).success();
+    let told = stderr(&w.fusion(&["merge", "a", "b", "other"]).failure());
+    assert!(
+        told.contains("`other`: it belongs to another campaign: its command is `fusion montecarlo`"),
+        "{told}"
+    );
 }

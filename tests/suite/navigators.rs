@@ -168,7 +168,7 @@ fn a_first_fix_does_not_count_the_slow_error_twice() {
         let design = Design::read(Document::load(&w.path("mine.toml")).unwrap()).unwrap_or_else(|d| panic!("{d}"));
         let campaign =
             fusion_judge::campaign::monte_carlo(&design, &Options::default(), 0..16, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
-        campaign.pooled().nees[0].unwrap()
+        campaign.campaign.pooled().nees[0].unwrap()
     };
     let (honest, place) = (nees("position_sigma = [\"1.5 m\", \"1.5 m\", \"3.2 m\"]"), nees(""));
     // 1.3 m and 1.5 m, 3 m and 3.2 m: 1 + 0.75 and 1 + 0.88 times the variance. Sixteen runs with three axes: χ²/48 is

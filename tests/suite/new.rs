@@ -4,7 +4,7 @@ use crate::support::{Workspace, stderr, stdout};
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::Options;
-use fusion_judge::campaign::{Campaign, monte_carlo};
+use fusion_judge::campaign::{Runs, monte_carlo};
 use std::path::Path;
 
 const VEHICLES: [&str; 6] = ["car", "drone", "boat", "rover", "auv", "person"];
@@ -40,7 +40,7 @@ fn what_is_written_stands_alone_and_its_filter_knows_its_errors() {
         let document = Document::load(&w.path("mine.toml")).unwrap_or_else(|d| panic!("{vehicle}: {d}"));
         let design = Design::read(document).unwrap_or_else(|d| panic!("{vehicle}: {d}"));
         let campaign = monte_carlo(&design, &Options::default(), 0..5, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{vehicle}: {d}"));
-        for (what, nees) in ["position", "velocity", "attitude"].iter().zip(campaign.pooled().nees) {
+        for (what, nees) in ["position", "velocity", "attitude"].iter().zip(campaign.campaign.pooled().nees) {
             // An error that is constant in a run counts once: five runs with three axes have 15 degrees of freedom, and
             // χ²/15 is within 0.31 … 2.19 with 99 %.
             let nees = nees.unwrap();
@@ -106,7 +106,7 @@ fn a_walk_of_many_strides_is_known_as_well_as_a_short_one() {
     w.write("mine.toml", text.replace("strides = 20", "strides = 90"));
     let design = Design::read(Document::load(&w.path("mine.toml")).unwrap()).unwrap();
     let campaign = monte_carlo(&design, &Options::default(), 0..5, 1, 0, &|_| {}).unwrap();
-    let [position, _, attitude] = campaign.pooled().nees.map(Option::unwrap);
+    let [position, _, attitude] = campaign.campaign.pooled().nees.map(Option::unwrap);
     // As above. With Φ = I − [ωΔt ×] for the attitude they were 305 and 27 at twice the rate.
     assert!(
         (0.31..2.19).contains(&position) && (0.31..2.19).contains(&attitude),
@@ -134,11 +134,11 @@ fn the_filters_of_the_variants_of_a_template_know_their_errors() {
             monte_carlo(&design, &Options::default(), 0..2, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{vehicle}: {d}"))
         };
         let (base, changed) = (campaign(&[]), campaign(&[variant]));
-        let position = |c: &Campaign| c.spread(|r| r.position_rmse).unwrap().mean;
+        let position = |c: &Runs| c.spread(|r| r.position_rmse).unwrap().mean;
         // 1 mm: the variant has an effect. Its size varies: slow errors of the receiver are the largest part, with
         // fixes or without.
         assert!((position(&changed) - position(&base)).abs() > 1e-3, "{vehicle} {variant}");
-        for nees in changed.pooled().nees {
+        for nees in changed.campaign.pooled().nees {
             let nees = nees.unwrap();
             // Two runs with three axes have 6 degrees of freedom, see above: χ²/6 is within 0.05 … 3.74 with 99.8 %.
             assert!((0.05..3.74).contains(&nees), "{vehicle} {variant}: {nees}");

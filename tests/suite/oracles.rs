@@ -437,7 +437,7 @@ fn an_inertial_unit_of_1_hz_is_not_believed_more_than_one_of_100_hz() {
     // Expected 3. Without noise for the motion hidden within a second, attitude and velocity have 10 and 12. The rest
     // of the velocity NEES arises when a car starts to pull away or to turn: the sample before does not show this.
     for (k, quantity, most) in [(0, "position", 6.0), (1, "velocity", 9.0), (2, "attitude", 4.0)] {
-        let nees = campaign.judge(|run| run.nees[k]).unwrap().mean;
+        let nees = campaign.campaign.judge(fusion_judge::campaign::Statistic::Nees(k)).unwrap().mean;
         assert!(nees < most, "{quantity}: {nees}");
     }
 }

@@ -32,7 +32,7 @@ struct Row {
 /// The output of `fusion compare configs/published/FILE --backend BACKEND -n 100`.
 fn table(file: &str, backend: &str) -> Row {
     let campaign = monte_carlo(&design(file, backend), &Options::default(), 0..100, 1, 0, &|_| {});
-    let pooled = campaign.unwrap_or_else(|d| panic!("{backend}: {d}")).pooled();
+    let pooled = campaign.unwrap_or_else(|d| panic!("{backend}: {d}")).campaign.pooled();
     let row = Row {
         attitude: pooled.attitude.unwrap(),
         position: pooled.position.unwrap(),

@@ -46,7 +46,7 @@ fn every_scene_runs_in_every_variant_and_says_whether_it_converged() {
 fn ten_runs(backend: &str) -> Pooled {
     let design = design(&folder().join("range-only.toml"), None, Some(backend));
     let campaign = monte_carlo(&design, &Options::default(), 0..10, 1, 0, &|_| {});
-    campaign.unwrap_or_else(|d| panic!("{d}")).pooled()
+    campaign.unwrap_or_else(|d| panic!("{d}")).campaign.pooled()
 }
 
 /// Of 200 runs with ranges alone 51 % converge in time linearised once, 96 % iterated, 22 % linearised once in an

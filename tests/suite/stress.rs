@@ -358,3 +358,47 @@ fn mistakes_of_the_catalogue_are_told_by_every_command() {
     let never = w.fusion(&["stress", "boat.toml", "--set", "initial.fix.source=nobody"]);
     never.code(2);
 }
+
+/// The law of parts, for cases of the catalogue and for drawn ones.
+#[test]
+fn parts_of_a_stress_make_the_whole_in_any_order() {
+    let w = boat("stress-parts");
+    for (file, more) in [
+        ("stress.csv", &["--only", "gap-1,step", "--pairs", "2"][..]),
+        ("draw.csv", &["--set", DRAW, "--draw", "6"]),
+    ] {
+        let with = |args: &[&str]| w.fusion(&[&["stress", "boat.toml"], more, args].concat());
+        let whole = with(&["--out", "whole"]);
+        for (runs, part) in [("1..2", "a"), ("2..5", "b"), ("5..7", "c")] {
+            with(&["--runs", runs, "--part", part]);
+        }
+        let merged = w.fusion(&["merge", "c", "a", "b", "--out", "merged"]);
+        assert_eq!(rows(&w, &format!("whole/{file}")).len(), if file == "draw.csv" { 6 } else { 7 });
+        assert_eq!(w.read(&format!("whole/{file}")), w.read(&format!("merged/{file}")));
+        assert_eq!(stdout(&whole).replace("whole/", "merged/"), stdout(&merged));
+        assert_eq!(whole.get_output().status.code(), merged.get_output().status.code());
+        let refused = |files: &[&str]| stderr(&w.fusion(&[&["merge"], files].concat()).code(2));
+        let missing = refused(&["a", "b"]);
+        assert!(
+            missing.contains("cases 5 to 6 are in no part") && missing.contains(" --runs 5..7 --part FILE`"),
+            "{missing}"
+        );
+        assert!(refused(&["a", "b", "b", "c"]).contains("`b`: case 2 is in two parts"));
+        // Another list of the same length.
+        let other = |args: &[&str]| w.fusion(&[&["stress", "boat.toml", "--runs", "5..7", "--part", "other"], args].concat());
+        match file {
+            "draw.csv" => other(&["--set", DRAW, "--draw", "6", "--only", "ramp"]),
+            _ => other(&["--only", "gap-5,step", "--pairs", "2"]),
+        };
+        let mixed = refused(&["a", "b", "other"]);
+        assert!(
+            mixed.contains("`other`: it belongs to another campaign: its list of cases is"),
+            "{mixed}"
+        );
+    }
+    let beyond = stderr(
+        &w.fusion(&["stress", "boat.toml", "--only", "gap-1", "--pairs", "0", "--runs", "1..9"])
+            .code(2),
+    );
+    assert!(beyond.contains("there are 2 cases, with the numbers 1..3"), "{beyond}");
+}

@@ -8,16 +8,20 @@ use fusion_core::memory::{Memory, Tape};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+/// One of the words of the program: under this name, serde does not borrow it from its input.
+type Word = &'static str;
+
 /// A reason for the health of a filter, in the names of the design.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct NamedReason {
     /// The reason: `no_input`, `stopped`, `gave_up`, `refused`, `unsound`, `floor`, `calibration`,
     /// `pulled`, `jumped`, `innovations`, `biased`, `rejected`, `reacquired`, `silent`, `ahead`, `unaided`, `undecided`.
-    pub reason: &'static str,
+    #[serde(deserialize_with = "reason_from_word")]
+    pub reason: Word,
     /// The sensor, stream or block; empty for the whole filter.
     pub of: String,
     /// The health state that it causes.
-    #[serde(serialize_with = "word")]
+    #[serde(serialize_with = "word", deserialize_with = "from_word")]
     pub state: State,
 }
 
@@ -106,6 +110,12 @@ pub fn from_word<'de, D: Deserializer<'de>>(d: D) -> Result<State, D::Error> {
     let word = String::deserialize(d)?;
     let named = State::ALL.into_iter().find(|state| state.word() == word);
     named.ok_or_else(|| D::Error::custom(format!("`{word}` is no state of health")))
+}
+
+fn reason_from_word<'de, D: Deserializer<'de>>(d: D) -> Result<&'static str, D::Error> {
+    let word = String::deserialize(d)?;
+    let known = WORDS.into_iter().find(|known| *known == word);
+    known.ok_or_else(|| D::Error::custom(format!("`{word}` is no reason of a health")))
 }
 
 /// The names of a filter's sensors, blocks and streams, by number.

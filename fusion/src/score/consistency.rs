@@ -81,34 +81,16 @@ impl Consistency {
         (series.len() >= 2).then(|| Self::with_independent(series.mean(), dof, series.len(), series.independent()))
     }
 
-    /// The mean over several independent runs, with a band for all their independent samples. `None` without a run.
-    ///
-    /// An error that is constant within a run, and new in each run, does not show in the autocorrelation. The runs then
-    /// scatter more than their own samples predict. A mean of n independent χ² of d degrees of freedom has the variance
-    /// 2 mean²/(d n). The scatter of the runs therefore limits n per run; the least n per run is 1.
+    /// The mean over several [independent runs](OverRuns::independent). `None` without a run.
     #[must_use]
     pub fn of_runs(runs: impl IntoIterator<Item = Self>) -> Option<Self> {
-        let runs: Vec<Self> = runs.into_iter().collect();
-        let dof = runs.first()?.dof;
-        let number = runs.len() as f64;
-        let mean = runs.iter().map(|c| c.mean).sum::<f64>() / number;
-        let count = runs.iter().map(|c| c.count).sum();
-        let within: f64 = runs.iter().map(|c| c.independent).sum();
-        let scatter = runs.iter().map(|c| math::powi(c.mean - mean, 2)).sum::<f64>() / (number - 1.0);
-        let between = number * 2.0 * mean * mean / (dof as f64 * scatter);
-        // One run, or runs without scatter, give no limit.
-        let between = if between.is_finite() { between.max(number) } else { within };
-        Some(Self::with_independent(mean, dof, count, within.min(between)))
+        OverRuns::of(runs).independent()
     }
 
-    /// The mean over several runs that repeat each other. The band is that of the run with the most independent
-    /// samples. `None` without a run.
+    /// The mean over several runs that [repeat each other](OverRuns::repeated). `None` without a run.
     #[must_use]
     pub fn of_repeats(runs: impl IntoIterator<Item = Self>) -> Option<Self> {
-        let runs: Vec<Self> = runs.into_iter().collect();
-        let most = runs.iter().map(|c| c.independent).fold(1.0, f64::max);
-        let all = Self::of_runs(runs)?;
-        Some(Self::with_independent(all.mean, all.dof, all.count, most))
+        OverRuns::of(runs).repeated()
     }
 
     /// The same, with at most this number of independent samples.
@@ -168,6 +150,98 @@ impl Consistency {
     #[must_use]
     pub fn error_ratio(&self) -> f64 {
         math::sqrt(self.over_expected())
+    }
+}
+
+/// Mean and variance of numbers that arrive one by one (Welford 1962).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Moments {
+    count: f64,
+    sum: f64,
+    /// The mean that the squares refer to; [`Moments::mean`] has fewer roundings.
+    about: f64,
+    squares: f64,
+}
+
+impl Moments {
+    /// Adds a number.
+    pub fn add(&mut self, value: f64) {
+        self.count += 1.0;
+        self.sum += value;
+        let off = value - self.about;
+        self.about += off / self.count;
+        self.squares += off * (value - self.about);
+    }
+
+    /// The number of numbers.
+    #[must_use]
+    pub fn count(&self) -> f64 {
+        self.count
+    }
+
+    /// The mean; NaN without a number.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.sum / self.count
+    }
+
+    /// The sum of the squared deviations from the mean.
+    #[must_use]
+    pub fn squares(&self) -> f64 {
+        self.squares
+    }
+}
+
+/// A mean χ² statistic over several runs that arrive one by one.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct OverRuns {
+    dof: usize,
+    means: Moments,
+    count: usize,
+    /// The independent samples of all runs, and of the run with the most.
+    within: f64,
+    most: f64,
+}
+
+impl OverRuns {
+    fn of(runs: impl IntoIterator<Item = Consistency>) -> Self {
+        runs.into_iter().fold(Self::default(), |mut all, run| {
+            all.add(&run);
+            all
+        })
+    }
+
+    /// Adds a run.
+    pub fn add(&mut self, run: &Consistency) {
+        if self.means.count() == 0.0 {
+            (self.dof, self.most) = (run.dof, 1.0);
+        }
+        self.means.add(run.mean);
+        self.count += run.count;
+        self.within += run.independent;
+        self.most = self.most.max(run.independent);
+    }
+
+    /// The mean of independent runs, with a band for all their independent samples. `None` without a run.
+    ///
+    /// An error that is constant within a run, and new in each run, does not show in the autocorrelation. The runs then
+    /// scatter more than their own samples predict. A mean of n independent χ² of d degrees of freedom has the variance
+    /// 2 mean²/(d n). The scatter of the runs therefore limits n per run; the least n per run is 1.
+    #[must_use]
+    pub fn independent(&self) -> Option<Consistency> {
+        let (number, mean) = (self.means.count(), self.means.mean());
+        let scatter = self.means.squares() / (number - 1.0);
+        let between = number * 2.0 * mean * mean / (self.dof as f64 * scatter);
+        // One run, or runs without scatter, give no limit.
+        let between = if between.is_finite() { between.max(number) } else { self.within };
+        (number > 0.0).then(|| Consistency::with_independent(mean, self.dof, self.count, self.within.min(between)))
+    }
+
+    /// The mean of runs that repeat each other. The band is that of the run with the most independent samples. `None`
+    /// without a run.
+    #[must_use]
+    pub fn repeated(&self) -> Option<Consistency> {
+        (self.means.count() > 0.0).then(|| Consistency::with_independent(self.means.mean(), self.dof, self.count, self.most))
     }
 }
 

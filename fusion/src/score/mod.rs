@@ -23,7 +23,7 @@ pub use blocks::BlockScore;
 pub(crate) use blocks::BlockScorer;
 pub(crate) use bounded::Quantiles;
 pub use comparison::{AttitudeError, Comparison, Deviation, EpochError, attitude_error};
-pub use consistency::{Consistency, ConsistencyVerdict};
+pub use consistency::{Consistency, ConsistencyVerdict, Moments, OverRuns};
 pub use convergence::{Convergence, Limits};
 pub use course::Course;
 pub use drift::{Drift, Moved, Outage};

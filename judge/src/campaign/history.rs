@@ -6,17 +6,21 @@ use fusion::score::{Deviation, EpochError, nees_of};
 use fusion_core::math;
 use fusion_core::runner::Halt;
 use fusion_core::time::Time;
+use serde::{Deserialize, Serialize};
 use statrs::statistics::{Data, OrderStatistics};
 
 /// The maximum number of bins, and the first width of a bin \[ns\]; it doubles when there are too many.
 const BINS: i64 = 512;
 const WIDTH: i64 = 100_000_000;
 
+/// The first runs of a campaign whose errors over time are kept and shown: up to 60 kB for each.
+pub const FANS: u64 = 1000;
+
 /// The errors of position, velocity and attitude in a run, in bins of time.
 ///
 /// The width of a bin is a power of two times a tenth of a second. A bin begins at a multiple of its width, so that the
 /// bins of two runs match.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct History {
     width: i64,
     /// The number of the first bin.
@@ -27,16 +31,32 @@ pub struct History {
 }
 
 /// The errors of position, velocity, attitude in a bin.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Bin([OfQuantity; 3]);
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[serde(from = "Packed", into = "Packed")]
 struct OfQuantity {
     count: f64,
     /// Sum of the squared lengths of the error.
     squares: f64,
     /// The first NEES and its degrees of freedom: one per run and bin is independent of other runs.
     nees: Option<(f64, usize)>,
+}
+
+/// Without names: a part has a thousand in a row.
+type Packed = (f64, f64, Option<(f64, usize)>);
+
+impl From<Packed> for OfQuantity {
+    fn from((count, squares, nees): Packed) -> Self {
+        Self { count, squares, nees }
+    }
+}
+
+impl From<OfQuantity> for Packed {
+    fn from(OfQuantity { count, squares, nees }: OfQuantity) -> Self {
+        (count, squares, nees)
+    }
 }
 
 impl OfQuantity {

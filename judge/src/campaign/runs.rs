@@ -1,59 +1,98 @@
 //! runs.csv.
 
-use super::{Campaign, RunHealth};
+use super::{RunHealth, RunRow};
+use crate::part::Parts;
 use fusion::observe::SensorStatistics;
 use fusion::output::Cells;
 use fusion::score::BlockScore;
 use std::io::{self, Write};
 
-impl Campaign {
-    /// Writes runs.csv: one row per run and no timing, the same file for any number of threads.
-    ///
-    /// Innovations are in SI units, per residual row from 1. A cell without a value is empty, such as `missed` and
-    /// `false` for a sensor without declared faults.
+/// runs.csv, row by row: one row per run and no timing, the same file for any number of threads.
+///
+/// Innovations are in SI units, per residual row from 1. A cell without a value is empty, such as `missed` and `false` for
+/// a sensor without declared faults.
+#[derive(Debug)]
+pub struct Table<W: Write> {
+    cells: Cells<W>,
+    is_begun: bool,
+}
+
+impl<W: Write> Table<W> {
+    /// Without rows.
+    pub fn new(out: W) -> Self {
+        Self {
+            cells: Cells::new(out),
+            is_begun: false,
+        }
+    }
+
+    /// Writes a row; the names of the columns come before the first one.
     ///
     /// # Errors
     /// The errors of the writer.
-    pub fn write(&self, out: impl Write) -> io::Result<()> {
-        let mut cells = Cells::new(out);
-        cells.texts(["run", "seed", "rms_n_m", "rms_e_m", "rms_d_m", "max_n_m", "max_e_m", "max_d_m"])?;
-        cells.texts([
-            "rms_vn_mps",
-            "rms_ve_mps",
-            "rms_vd_mps",
-            "rms_roll_deg",
-            "rms_pitch_deg",
-            "rms_yaw_deg",
-        ])?;
-        cells.texts(["nees_position", "nees_velocity", "nees_attitude"])?;
-        cells.texts(["worst_health", "health_at_end", "ill_share", "drift_percent", "drift_m"])?;
-        self.blocks().iter().try_for_each(|block| block_header(&mut cells, block))?;
-        self.sensors().iter().try_for_each(|sensor| sensor_header(&mut cells, sensor))?;
-        cells.end()?;
-        for row in &self.rows {
-            cells.put(row.run)?;
-            cells.put(row.seed)?;
-            let nees = row.nees.map(|c| c.map_or(f64::NAN, |c| c.mean));
-            for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, nees] {
-                values.into_iter().try_for_each(|value| real(&mut cells, value))?;
-            }
-            let RunHealth {
-                worst, at_the_end, ill, ..
-            } = &row.health;
-            cells.texts([worst.word(), at_the_end.word()])?;
-            for value in [Some(*ill), row.drift_percent, row.drift_rms] {
-                real(&mut cells, value.unwrap_or(f64::NAN))?;
-            }
-            for block in &row.blocks {
-                let nees = block.nees.map_or(f64::NAN, |c| c.mean);
-                let ends = block.error.iter().zip(&block.sigma).flat_map(|(error, sigma)| [*error, *sigma]);
-                [nees].into_iter().chain(ends).try_for_each(|value| real(&mut cells, value))?;
-            }
-            row.sensors.iter().try_for_each(|sensor| sensor_cells(&mut cells, sensor))?;
-            cells.end()?;
+    pub fn add(&mut self, row: &RunRow) -> io::Result<()> {
+        let cells = &mut self.cells;
+        if !self.is_begun {
+            self.is_begun = true;
+            header(cells, row)?;
         }
-        cells.flush()
+        cells.put(row.run)?;
+        cells.put(row.seed)?;
+        let nees = row.nees.map(|c| c.map_or(f64::NAN, |c| c.mean));
+        for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, nees] {
+            values.into_iter().try_for_each(|value| real(cells, value))?;
+        }
+        let RunHealth {
+            worst, at_the_end, ill, ..
+        } = &row.health;
+        cells.texts([worst.word(), at_the_end.word()])?;
+        for value in [Some(*ill), row.drift_percent, row.drift_rms] {
+            real(cells, value.unwrap_or(f64::NAN))?;
+        }
+        for block in &row.blocks {
+            let nees = block.nees.map_or(f64::NAN, |c| c.mean);
+            let ends = block.error.iter().zip(&block.sigma).flat_map(|(error, sigma)| [*error, *sigma]);
+            [nees].into_iter().chain(ends).try_for_each(|value| real(cells, value))?;
+        }
+        row.sensors.iter().try_for_each(|sensor| sensor_cells(cells, sensor))?;
+        cells.end()
     }
+
+    /// Ends the file.
+    ///
+    /// # Errors
+    /// The errors of the writer.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.cells.flush()
+    }
+}
+
+/// Writes runs.csv of the first design of the parts.
+///
+/// # Errors
+/// The errors of the writer; a part that is damaged.
+pub fn write(parts: &Parts, out: impl Write) -> io::Result<()> {
+    let mut table = Table::new(out);
+    let mut add = |rows: Vec<RunRow>| rows.first().map_or(Ok(()), |row| table.add(row));
+    parts.rows(&mut add).map_err(io::Error::other)?;
+    table.finish()
+}
+
+fn header(cells: &mut Cells<impl Write>, row: &RunRow) -> io::Result<()> {
+    cells.texts(["run", "seed", "rms_n_m", "rms_e_m", "rms_d_m", "max_n_m", "max_e_m", "max_d_m"])?;
+    cells.texts([
+        "rms_vn_mps",
+        "rms_ve_mps",
+        "rms_vd_mps",
+        "rms_roll_deg",
+        "rms_pitch_deg",
+        "rms_yaw_deg",
+    ])?;
+    cells.texts(["nees_position", "nees_velocity", "nees_attitude"])?;
+    cells.texts(["worst_health", "health_at_end", "ill_share", "drift_percent", "drift_m"])?;
+    row.blocks.iter().try_for_each(|block| block_header(cells, block))?;
+    row.sensors.iter().try_for_each(|sensor| sensor_header(cells, sensor))?;
+    cells.end()
 }
 
 /// A number, or an empty cell if it is not finite.

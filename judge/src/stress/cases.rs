@@ -15,9 +15,10 @@ use fusion_models::registry::{self, Role};
 use fusion_models::sim::{REFERENCE, UNITS};
 use fusion_models::units::{Dimension, Dimensional, dim};
 use fusion_tables::Unit;
+use serde::{Deserialize, Serialize};
 
 /// A fault, or a pair of them, on a design.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Case {
     /// Its name in the catalogue; both names of a pair.
     pub fault: String,
@@ -28,8 +29,10 @@ pub struct Case {
     /// The settings that `--set` adds to the design.
     pub sets: Vec<String>,
     /// The start of the first fault.
+    #[serde(with = "super::nanos")]
     pub from: Time,
     /// The end of the last fault; `from` if a fault lasts for good.
+    #[serde(with = "super::nanos")]
     pub to: Time,
     /// The time that the filter may be wrong while its health is good \[s\].
     pub recovery: f64,

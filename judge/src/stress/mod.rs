@@ -24,6 +24,8 @@ pub(crate) use catalogue::TABLE;
 pub use catalogue::{Catalogue, CatalogueSpec};
 pub use watch::{CaseOutcome, Said};
 
+use crate::part::{Effort, Head, Kind, Parts, Subject, Unreadable, Writer};
+use core::ops::Range;
 use fusion::assembly::Assembly;
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::design::Design;
@@ -33,13 +35,17 @@ use fusion::provenance::Provenance;
 use fusion::run::examine::build;
 use fusion::run::{Finished, Options, Run, Smoothing};
 use fusion_core::time::Time;
+use fusion_models::fault::derive_seed;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::io::{self, Write};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 use survey::Survey;
 use watch::{Record, Watch};
 
 /// A case and its outcome.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CaseResult {
     /// The case.
     pub case: Case,
@@ -135,20 +141,89 @@ fusion::inventory::submit! {
     }
 }
 
-/// Runs `design` undisturbed, then each case of `catalogue` on `threads` threads (0: one per core). `progress` receives
-/// the number of finished cases and of all cases. `seed` draws directions and pairs. The rows do not depend on the
-/// number of threads.
+/// The entries that all parts of a stress share.
+#[derive(Serialize, Deserialize)]
+struct Shared {
+    undisturbed: CaseResult,
+    #[serde(with = "nanos")]
+    at: Time,
+    is_free: bool,
+    has_reference: bool,
+    unfit: Vec<String>,
+    /// A number made of all cases.
+    cases: u64,
+}
+
+/// Which cases run, and on how many threads.
+pub struct Work<'a> {
+    /// Draws directions, pairs and cases.
+    pub seed: u64,
+    /// The numbers of the cases from 1; `None` for all.
+    pub numbers: Option<Range<u64>>,
+    /// 0 for one per core. The rows do not depend on it.
+    pub threads: usize,
+    /// The command of the work, without its numbers and files.
+    pub again: String,
+    /// Receives the number of finished cases and of all cases.
+    pub progress: &'a (dyn Fn(usize, usize) + Sync),
+}
+
+impl core::fmt::Debug for Work<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Work")
+            .field("seed", &self.seed)
+            .field("numbers", &self.numbers)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Work<'_> {
+    /// Runs the wanted ones of `count` cases in parallel, and writes a part.
+    fn write<W: Write, T: Send + Serialize>(
+        &self,
+        (kind, design, count): (Kind, &Design, u64),
+        shared: &impl Serialize,
+        one: impl Fn(u64) -> Result<T, Diagnostics> + Sync,
+        out: W,
+    ) -> Result<(), Diagnostics> {
+        let begun = Instant::now();
+        let end = count.saturating_add(1);
+        let numbers = self.numbers.clone().unwrap_or(1..end);
+        if numbers.start < 1 || numbers.end > end {
+            let message = format!(
+                "there are {count} cases, with the numbers 1..{end}: {}..{} are not among them",
+                numbers.start, numbers.end
+            );
+            return Err(Diagnostic::error(message).into());
+        }
+        let unwritable = |e: io::Error| Diagnostics::from(Diagnostic::error(format!("the part cannot be written: {e}")));
+        let head = Head {
+            again: self.again.clone(),
+            ..Head::new(kind, vec![Subject::new("", design, self.seed)], numbers.clone(), Some(end))
+        };
+        let mut part = Writer::begin(out, &head.sharing(shared).map_err(unwritable)?).map_err(unwritable)?;
+        let pool = pool(self.threads)?;
+        let (done, total) = (AtomicUsize::new(0), numbers.clone().count());
+        let told = |number: u64| -> Result<T, Diagnostics> {
+            let row = one(number)?;
+            (self.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, total);
+            Ok(row)
+        };
+        let rows: Result<Vec<T>, Diagnostics> = pool.install(|| numbers.into_par_iter().map(told).collect());
+        rows?.iter().try_for_each(|row| part.put(row)).map_err(unwritable)?;
+        let effort = Effort {
+            seconds: begun.elapsed().as_secs_f64(),
+            threads: pool.current_num_threads(),
+        };
+        part.end(effort).map_err(unwritable)
+    }
+}
+
+/// Runs `design` undisturbed, then cases of `catalogue`, and writes them as a part.
 ///
 /// # Errors
-/// Mistakes of the design, of the catalogue or of the data.
-pub fn stress(
-    design: &Design,
-    catalogue: &Catalogue,
-    options: &Options,
-    seed: u64,
-    threads: usize,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Stress, Diagnostics> {
+/// Mistakes of the design, of the catalogue or of the data; numbers without a case; a part that cannot be written.
+pub fn stress<W: Write>(design: &Design, catalogue: &Catalogue, options: &Options, work: &Work<'_>, out: W) -> Result<(), Diagnostics> {
     let survey = surveyed(design, options)?;
     let at = survey.moment(
         catalogue,
@@ -159,30 +234,66 @@ pub fn stress(
             .map(|t| Time::from_seconds(t.si())),
     );
     let run = Run::open(design, options)?;
-    let cases::Cases { cases, unfit } = cases::cases(design, run.assembly(), catalogue, &survey, at, seed)?;
+    let cases::Cases { cases, unfit } = cases::cases(design, run.assembly(), catalogue, &survey, at, work.seed)?;
     drop(run);
-    let undisturbed = Case::undisturbed(at);
-    let pool = pool(threads)?;
-    let (done, total) = (AtomicUsize::new(0), cases.len());
-    let one = |case: Case| -> Result<CaseResult, Diagnostics> {
-        let outcome = outcome(design, &case, catalogue.watch, options, &survey)?;
-        progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
-        Ok(CaseResult { case, outcome })
+    let one = |case: &Case| -> Result<CaseResult, Diagnostics> {
+        Ok(CaseResult {
+            outcome: outcome(design, case, catalogue.watch, options, &survey)?,
+            case: case.clone(),
+        })
     };
-    let rows: Result<Vec<CaseResult>, Diagnostics> = pool.install(|| cases.into_par_iter().map(one).collect());
-    Ok(Stress {
-        description: design.run.description.clone(),
-        provenance: Provenance::of(design, Some(seed)),
-        undisturbed: CaseResult {
-            outcome: outcome(design, &undisturbed, catalogue.watch, options, &survey)?,
-            case: undisturbed,
-        },
-        rows: rows?,
+    let shared = Shared {
+        undisturbed: one(&Case::undisturbed(at))?,
         at,
         is_free: survey.is_free(catalogue, at),
         has_reference: !survey.errors.is_empty(),
         unfit,
-    })
+        cases: derive_seed(0, &[&format!("{cases:?}")]),
+    };
+    let numbered = |number: u64| one(&cases[(number - 1) as usize]);
+    work.write((Kind::Stress, design, cases.len() as u64), &shared, numbered, out)
+}
+
+impl Stress {
+    /// The stress that parts make. All its rows are in memory.
+    ///
+    /// # Errors
+    /// [`Unreadable`], if a part is damaged.
+    pub fn read(parts: &Parts) -> Result<Self, Unreadable> {
+        let Subject {
+            description, provenance, ..
+        } = parts.head().subjects.first().cloned().ok_or(Unreadable::Empty)?;
+        let shared: Shared = parts.shared()?;
+        let mut rows = Vec::new();
+        parts.rows(&mut |row| {
+            rows.push(row);
+            Ok(())
+        })?;
+        Ok(Self {
+            description,
+            provenance,
+            undisturbed: shared.undisturbed,
+            rows,
+            at: shared.at,
+            is_free: shared.is_free,
+            has_reference: shared.has_reference,
+            unfit: shared.unfit,
+        })
+    }
+}
+
+/// A time as its nanoseconds.
+mod nanos {
+    use fusion_core::time::Time;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(time: &Time, s: S) -> Result<S::Ok, S::Error> {
+        s.serialize_i64(time.nanos())
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Time, D::Error> {
+        i64::deserialize(d).map(Time::from_nanos)
+    }
 }
 
 /// The undisturbed run.

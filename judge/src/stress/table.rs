@@ -99,8 +99,8 @@ impl Drawn {
 impl CaseOutcome {
     fn write(&self, cells: &mut Cells<impl Write>) -> io::Result<()> {
         cells.put(self.survived)?;
-        cells.maybe(self.worst.map(|(ratio, _)| ratio))?;
-        cells.text(self.worst.map_or("", |(_, group)| group))?;
+        cells.maybe(self.worst.as_ref().map(|(ratio, _)| ratio))?;
+        cells.text(self.worst.as_ref().map_or("", |(_, group)| group))?;
         cells.maybe(self.metres)?;
         cells.maybe(self.angle)?;
         cells.maybe(self.recovered)?;

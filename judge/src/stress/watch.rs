@@ -11,17 +11,18 @@ use fusion_core::health::{Reason, State};
 use fusion_core::runner::{Event, Halt};
 use fusion_core::time::{Time, nanos};
 use nalgebra::{UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// A filter is wrong beyond this number of σ.
 pub(super) const WRONG: f64 = 3.0;
 
 /// The outcome for a filter under a fault.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct CaseOutcome {
     /// Whether it gives an estimate and is right at the end of the watch.
     pub survived: bool,
     /// The largest error that the fault caused, in σ, and its quantity.
-    pub worst: Option<(f64, &'static str)>,
+    pub worst: Option<(f64, String)>,
     /// The largest position error \[m\], against the reference or, without one, the undisturbed run.
     pub metres: Option<f64>,
     /// The largest attitude error \[rad\].
@@ -41,9 +42,10 @@ pub struct CaseOutcome {
 }
 
 /// The health that a filter reported.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Said {
     /// The worst state.
+    #[serde(serialize_with = "fusion::health::word", deserialize_with = "fusion::health::from_word")]
     pub state: State,
     /// The first of its reasons.
     pub reason: Option<NamedReason>,
@@ -190,8 +192,8 @@ impl<'a> Watch<'a> {
             } else {
                 out.missing += lasted;
             }
-            if let Some((ratio, group)) = ratio.filter(|(ratio, _)| out.worst.is_none_or(|(most, _)| *ratio > most)) {
-                out.worst = Some((ratio, GROUPS[group]));
+            if let Some((ratio, group)) = ratio.filter(|(ratio, _)| out.worst.as_ref().is_none_or(|(most, _)| ratio > most)) {
+                out.worst = Some((ratio, GROUPS[group].to_owned()));
             }
             if ends_wrong {
                 last_wrong = Some(*time);

@@ -5,13 +5,11 @@ use super::table::TableData;
 use super::trace::Columns;
 use crate::Shown;
 use fusion_core::consistency::mean_band;
-use fusion_judge::campaign::{Campaign, History, RunRow, Together, together};
+use fusion_judge::campaign::{Campaign, RunRow, Together, together};
 use fusion_tables::html::sections;
 use maud::{Markup, html};
 use serde::Serialize;
 
-/// Runs in the table.
-const ROWS: usize = 200;
 /// The quantiles of a fan, and the worst run.
 const QUANTILES: [f64; 6] = [0.05, 0.25, 0.5, 0.75, 0.95, 1.0];
 const SCRIPTS: Scripts = &[BASE, &[include_str!("script/campaign.js"), include_str!("script/act.js")]];
@@ -45,9 +43,9 @@ struct Fan {
 
 /// The page as text; `look` says how each run is looked at.
 #[must_use]
-pub fn render_campaign(title: &str, campaign: &Campaign, histories: &[History], look: &dyn Fn(&RunRow) -> Look) -> String {
+pub fn render_campaign(title: &str, campaign: &Campaign, look: &dyn Fn(&RunRow) -> Look) -> String {
     let title = if title.is_empty() { "fusion montecarlo" } else { title };
-    let fans: Vec<(Fan, (f64, f64))> = (0..3).filter_map(|k| fan(k, &together(histories, k))).collect();
+    let fans: Vec<(Fan, (f64, f64))> = (0..3).filter_map(|k| fan(k, &together(&campaign.histories, k))).collect();
     let span = fans.iter().map(|(_, span)| *span).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
     let data = Data {
         span: span.unwrap_or((0.0, 1.0)),
@@ -56,9 +54,12 @@ pub fn render_campaign(title: &str, campaign: &Campaign, histories: &[History], 
     let page = Shown(campaign).page();
     let main = html! {
         section #result {
-            h2 { "Result of " (campaign.rows.len()) " runs" }
+            h2 { "Result of " (campaign.runs) " runs" }
             @for warning in &page.warnings { p.warning { (warning) } }
             (sections(&page.sections))
+        }
+        @if campaign.runs > campaign.histories.len() && !campaign.histories.is_empty() {
+            p { "The plots show the first " (campaign.histories.len()) " of " (campaign.runs) " runs." }
         }
         div #plots { noscript { p { "The plots need JavaScript; the tables do not." } } }
         section #runs { h2 { "Runs, the worst first" } (runs(campaign, look)) }
@@ -68,7 +69,7 @@ pub fn render_campaign(title: &str, campaign: &Campaign, histories: &[History], 
                 plot to zoom in time, double-click to reset.";
     shell(
         title,
-        &html! { p.provenance { (campaign.provenance.line()) } },
+        &html! { p.provenance { (campaign.subject.provenance.line()) } },
         &main,
         help,
         &serde_json::to_string(&data).unwrap_or_default(),
@@ -111,20 +112,6 @@ fn fan(quantity: usize, bins: &[Together]) -> Option<(Fan, (f64, f64))> {
     Some((fan, (first.time, last.time)))
 }
 
-/// The runs of a campaign, the run with the largest error first; NaN last.
-#[must_use]
-pub fn worst_first(campaign: &Campaign) -> Vec<&RunRow> {
-    // Without positions the attitude judges.
-    let has_positions = campaign.rows.iter().any(|row| row.position_rmse.is_finite());
-    let key = |row: &RunRow| {
-        let error = if has_positions { row.position_rmse } else { row.rotation_rmse };
-        if error.is_nan() { f64::NEG_INFINITY } else { error }
-    };
-    let mut rows: Vec<&RunRow> = campaign.rows.iter().collect();
-    rows.sort_by(|a, b| key(b).total_cmp(&key(a)));
-    rows
-}
-
 fn runs(campaign: &Campaign, look: &dyn Fn(&RunRow) -> Look) -> Markup {
     let number = |value: f64| {
         if value.is_finite() {
@@ -144,12 +131,12 @@ fn runs(campaign: &Campaign, look: &dyn Fn(&RunRow) -> Look) -> Markup {
         "ill [%]",
         "drift of the way [%]",
     ];
-    let count = campaign.rows.len();
+    let (count, worst) = (campaign.runs, campaign.worst());
     html! {
-        @if count > ROWS { p { "The " (ROWS) " worst of " (count) "; runs.csv has all of them." } }
+        @if count > worst.len() { p { "The " (worst.len()) " worst of " (count) "; runs.csv has all of them." } }
         div.table { table {
             thead { tr { @for head in heads { th scope="col" { (head) } } @for head in ["health at worst", "its plots"] { th.text scope="col" { (head) } } } }
-            tbody { @for row in worst_first(campaign).into_iter().take(ROWS) {
+            tbody { @for row in worst {
                 @let Look { command, report } = look(row);
                 tr {
                     th scope="row" { (row.run) }

@@ -21,7 +21,7 @@ mod trace;
 #[cfg(test)]
 mod tests;
 
-pub use campaign::{Look, render_campaign, worst_first};
+pub use campaign::{Look, render_campaign};
 pub use page::{Run, render, write};
 pub use recording::{Frame, Recording};
 

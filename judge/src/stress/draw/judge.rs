@@ -18,6 +18,7 @@ use super::Draw;
 use fusion_core::health::State;
 use fusion_core::math;
 use fusion_core::time::Time;
+use serde::{Deserialize, Serialize};
 
 /// An error is large beyond this multiple of the undisturbed root mean square.
 const TIMES: f64 = 2.0;
@@ -28,7 +29,7 @@ const FALSE: f64 = 10.0;
 const FALSE_FOR: f64 = 3.0;
 
 /// The verdicts on a case, and the figures behind them.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// Whether the error is small at the end.
     pub recovered: bool,

@@ -20,18 +20,19 @@ pub use counts::{Count, Counts, wilson};
 pub use judge::Judged;
 
 use super::catalogue::Catalogue;
-use super::{Case, surveyed, watched};
+use super::{Case, Work, surveyed, watched};
+use crate::part::{Kind, Parts, Subject, Unreadable};
 use fusion::config::{Diagnostic, Diagnostics, Node};
 use fusion::design::Design;
 use fusion::provenance::Provenance;
 use fusion::run::{Options, Run};
+use fusion_models::fault::derive_seed;
 use fusion_models::units::{NonNegative, Positive, Probability, dim};
 use judge::Baseline;
 use lot::Lot;
-use rayon::prelude::*;
 use schemars::JsonSchema;
-use serde::Deserialize;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use serde::{Deserialize, Serialize};
+use std::io::Write;
 
 /// How `fusion stress --draw` draws faults and judges cases.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
@@ -169,12 +170,12 @@ impl Draw {
 }
 
 /// A case with what became of the filter.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct DrawnResult {
     /// The number by which it is drawn.
     pub number: u64,
     /// The kinds of its faults.
-    pub kinds: Vec<&'static str>,
+    pub kinds: Vec<String>,
     /// The case.
     pub case: Case,
     /// The verdicts.
@@ -191,7 +192,7 @@ pub struct Drawn {
     /// A row for each case.
     pub rows: Vec<DrawnResult>,
     /// The judged errors: `position`, `velocity`, `attitude`.
-    pub of: Vec<&'static str>,
+    pub of: Vec<String>,
     /// Root mean square of each of them in the undisturbed run, in SI units.
     pub undisturbed: Vec<f64>,
     /// Whether there is a reference; else the undisturbed run is one, and its own 1σ takes the place of its errors.
@@ -215,7 +216,7 @@ impl Drawn {
     #[must_use]
     pub fn by_kind(&self) -> Vec<(&'static str, Counts)> {
         let of = |kind: lot::Kind| {
-            let those = self.rows.iter().filter(|row| row.kinds.contains(&kind.word()));
+            let those = self.rows.iter().filter(|row| row.kinds.iter().any(|k| k == kind.word()));
             (kind.word(), those.map(|row| &row.judged).collect::<Counts>())
         };
         lot::Kind::ALL.into_iter().map(of).filter(|(_, counts)| counts.cases > 0).collect()
@@ -241,25 +242,38 @@ impl Drawn {
     }
 }
 
-/// Runs `design` undisturbed, then `count` cases of drawn faults on `threads` threads, 0 for as many as there are cores;
-/// only those of the numbers `alone`, if there are any. `progress` hears how many of how many cases are done. A case is
-/// a function of `seed` and of its number: neither the others nor the number of threads matter.
+/// The entries that all parts of a draw share.
+#[derive(Serialize, Deserialize)]
+struct Shared {
+    of: Vec<String>,
+    undisturbed: Vec<f64>,
+    has_reference: bool,
+    left: f64,
+    is_whole: bool,
+    limits: [f64; 2],
+    /// A number made of the limits of the draw and of the first case.
+    cases: u64,
+}
+
+/// Runs `design` undisturbed, then drawn cases of `count`, and writes them as a part; only those of the numbers `alone`,
+/// if there are any. A case is a function of the seed and of its number: neither the others nor the number of threads
+/// matter.
 ///
 /// # Errors
-/// Mistakes of the design, what is wrong with the data, a design to which no drawn fault fits.
-pub fn draw(
+/// Mistakes of the design, what is wrong with the data, a design to which no drawn fault fits; a part that cannot be
+/// written.
+pub fn draw<W: Write>(
     design: &Design,
     catalogue: &Catalogue,
     options: &Options,
-    seed: u64,
     (count, alone): (u64, &[u64]),
-    threads: usize,
-    progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Drawn, Diagnostics> {
+    work: &Work<'_>,
+    out: W,
+) -> Result<(), Diagnostics> {
     let survey = surveyed(design, options)?;
     let limits = &catalogue.draw;
     let run = Run::open(design, options)?;
-    let lot = Lot::new(design, run.assembly(), catalogue, &survey, seed)?;
+    let lot = Lot::new(design, run.assembly(), catalogue, &survey, work.seed)?;
     drop(run);
     // Before the first possible fault the filter converges: its errors there do not count.
     let quiet = Case::quiet(lot.from, lot.to);
@@ -271,31 +285,60 @@ pub fn draw(
             .help("another is named by `of` under [stress.draw]")
             .into());
     }
-    let numbers: Vec<u64> = if alone.is_empty() { (1..=count).collect() } else { alone.to_vec() };
-    let (done, total) = (AtomicUsize::new(0), numbers.len());
-    let one = |number: u64| -> Result<DrawnResult, Diagnostics> {
+    let one = |place: u64| -> Result<DrawnResult, Diagnostics> {
+        let number = alone.get((place - 1) as usize).copied().unwrap_or(place);
         let (kinds, case) = lot.case(number);
         let (record, stopped) = watched(design, &case, lot.seconds_left(&case), options, &survey)?;
         let judged = baseline.judge(&record, &case, stopped);
-        progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
         Ok(DrawnResult {
             number,
-            kinds,
+            kinds: kinds.into_iter().map(str::to_owned).collect(),
             case,
             judged,
         })
     };
-    let pool = super::pool(threads)?;
-    let rows: Result<Vec<DrawnResult>, Diagnostics> = pool.install(|| numbers.into_par_iter().map(one).collect());
-    Ok(Drawn {
-        description: design.run.description.clone(),
-        provenance: Provenance::of(design, Some(seed)),
-        rows: rows?,
-        of: baseline.groups.iter().map(|(group, _)| super::errors::GROUPS[*group]).collect(),
+    let shared = Shared {
+        of: baseline
+            .groups
+            .iter()
+            .map(|(group, _)| super::errors::GROUPS[*group].to_owned())
+            .collect(),
         undisturbed: baseline.groups.iter().map(|(_, rms)| *rms).collect(),
         has_reference: !survey.errors.is_empty(),
         left: lot.left,
         is_whole: lot.is_whole,
         limits: [limits.recovered, limits.false_good],
-    })
+        cases: derive_seed(0, &[&format!("{limits:?} {:?}", lot.case(1))]),
+    };
+    let count = if alone.is_empty() { count } else { alone.len() as u64 };
+    work.write((Kind::Draw, design, count), &shared, one, out)
+}
+
+impl Drawn {
+    /// The draw that parts make. All its rows are in memory.
+    ///
+    /// # Errors
+    /// [`Unreadable`], if a part is damaged.
+    pub fn read(parts: &Parts) -> Result<Self, Unreadable> {
+        let Subject {
+            description, provenance, ..
+        } = parts.head().subjects.first().cloned().ok_or(Unreadable::Empty)?;
+        let shared: Shared = parts.shared()?;
+        let mut rows = Vec::new();
+        parts.rows(&mut |row| {
+            rows.push(row);
+            Ok(())
+        })?;
+        Ok(Self {
+            description,
+            provenance,
+            rows,
+            of: shared.of,
+            undisturbed: shared.undisturbed,
+            has_reference: shared.has_reference,
+            left: shared.left,
+            is_whole: shared.is_whole,
+            limits: shared.limits,
+        })
+    }
 }
