@@ -4,11 +4,11 @@
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::Options;
-use fusion_judge::campaign::{Campaign, RunRow, monte_carlo};
+use fusion_judge::campaign::{RunRow, Runs, monte_carlo};
 use std::path::Path;
 
 /// Twenty runs of a design or of its variant, with the assignment `set`.
-fn runs(file: &str, variant: Option<&str>, set: &str) -> Campaign {
+fn runs(file: &str, variant: Option<&str>, set: &str) -> Runs {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(file);
     let mut document = Document::load(&path).unwrap_or_else(|d| panic!("{d}"));
     if let Some(variant) = variant {

@@ -207,7 +207,14 @@ impl BlockMatrix {
             self.script.done += 1;
         }
         let columns = block.columns();
-        block.rows().for_each(|i| self.mark(i, columns.start, columns.len()));
+        let is_known = |i| {
+            let (pattern, start, len) = (&self.pattern, columns.start, columns.len());
+            pattern.knows(i, start, len) || pattern.has(i, start, len)
+        };
+        if !block.rows().all(is_known) {
+            let row = |i: usize| [i as u16, columns.start as u16, columns.end as u16];
+            Arc::make_mut(&mut self.pattern).learn(block.rows().map(row));
+        }
     }
 
     /// Makes those blocks of the script the identity again that this step has not written.
@@ -225,26 +232,10 @@ impl BlockMatrix {
         self.script.blocks.truncate(self.script.done);
     }
 
-    #[inline]
-    fn mark(&mut self, row: usize, col: usize, len: usize) {
-        if !self.pattern.knows(row, col, len) {
-            self.learn(row, col, len);
-        }
-    }
-
-    #[cold]
-    fn learn(&mut self, row: usize, col: usize, len: usize) {
-        if !self.pattern.has(row, col, len) {
-            Arc::make_mut(&mut self.pattern).learn(row, col, len);
-        }
-    }
-
     /// The identity, with this pattern and no other.
     fn relearn(&mut self, pattern: &[[u16; 3]]) {
         *self = Self::identity(self.n);
-        for &[row, start, end] in pattern {
-            self.learn(row.into(), start.into(), usize::from(end - start));
-        }
+        Arc::make_mut(&mut self.pattern).learn(pattern.iter().copied());
     }
 
     /// One element.

@@ -60,10 +60,19 @@ impl Pattern {
         self.rows[row].iter().any(|&(s, e)| s <= start && end <= e)
     }
 
-    /// The columns from `col` on may differ in `row`.
-    pub(super) fn learn(&mut self, row: usize, col: usize, len: usize) {
+    /// In each of these rows, the columns from a start to an end may differ. All are learnt together: each time, the plans
+    /// are made anew.
+    pub(super) fn learn(&mut self, more: impl IntoIterator<Item = [u16; 3]>) {
+        for [row, start, end] in more {
+            self.add(row.into(), start, end);
+        }
+        self.list();
+        self.plan = Plan::new(&self.rows);
+        self.reach = Reach::new(&self.rows);
+    }
+
+    fn add(&mut self, row: usize, start: u16, end: u16) {
         let ranges = &mut self.rows[row];
-        let (start, end) = (col as u16, (col + len) as u16);
         ranges.push((start, end));
         ranges.sort_unstable();
         // Merge neighbours and overlaps: one pass of contiguous columns per run.
@@ -76,9 +85,6 @@ impl Pattern {
         }
         *ranges = merged;
         (start..end.min(64)).for_each(|k| self.known[row] |= 1 << k);
-        self.list();
-        self.plan = Plan::new(&self.rows);
-        self.reach = Reach::new(&self.rows);
     }
 
     /// Lists the rows that have ranges, and their elements.
