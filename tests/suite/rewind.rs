@@ -12,6 +12,7 @@ use fusion::core::time::{Time, nanos};
 use fusion::design::Design;
 use fusion::observe::{RunEvent, RunObserver};
 use fusion::run::{Options, Run};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 /// The horizon of the designs here \[s\].
@@ -146,9 +147,13 @@ fn lateness(kind: usize, random: &mut Lcg, rows: &[Fed]) -> Vec<i64> {
 }
 
 pub fn shuffled(kind: usize, random: &mut Lcg, rows: &[Fed]) -> Vec<Fed> {
-    let late = lateness(kind, random, rows);
+    // Rows of one stream with one stamp, as of satellites, stay in order: no other property distinguishes them.
+    let mut delays = HashMap::new();
+    let late = lateness(kind, random, rows).into_iter().zip(rows);
+    let late: Vec<i64> = late
+        .map(|(delay, row)| *delays.entry((row.stream, row.time)).or_insert(delay))
+        .collect();
     let mut order: Vec<usize> = (0..rows.len()).collect();
-    // Rows of one stream with one stamp stay in order: no other property distinguishes them.
     order.sort_by_key(|&k| (rows[k].time.shifted(late[k]), k));
     order.into_iter().map(|k| rows[k].clone()).collect()
 }

@@ -11,4 +11,4 @@ pub mod utm;
 
 pub use frames::LocalFrame;
 pub use gravity::Gravity;
-pub use rates::LocalEarth;
+pub use rates::{LocalEarth, SPEED_OF_LIGHT};

@@ -13,6 +13,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::gravity::Gravity;
 
+/// Speed of light in vacuum \[m/s\].
+pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
+
 /// The largest difference of latitude \[rad\] that counts as small: 6 km.
 const NEAR: f64 = 1e-3;
 

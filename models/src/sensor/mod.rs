@@ -28,8 +28,6 @@ mod yaw_rate;
 mod zero_angular_rate;
 mod zero_velocity;
 
-pub use satellite::SPEED_OF_LIGHT;
-
 /// Axes of rows resolved in navigation axes.
 const NED: &[&str] = &["north", "east", "down"];
 /// Axes of rows resolved in the axes of a body or sensor.

@@ -112,7 +112,7 @@ impl ExactModel for Pseudorange {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::satellite::SPEED_OF_LIGHT;
+    use crate::earth::SPEED_OF_LIGHT;
     use fusion_core::geometry::wgs84::{EARTH_RATE, Geodetic, SEMI_MAJOR_AXIS};
     use fusion_core::state::{Quantity, View};
     use nalgebra::Vector3;

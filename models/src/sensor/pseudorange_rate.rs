@@ -130,8 +130,9 @@ impl ExactModel for Rate {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::earth::SPEED_OF_LIGHT;
     use crate::earth::frames::{ecef_from_geodetic, rotation_en};
-    use crate::sensor::satellite::{EXAMPLE, SPEED_OF_LIGHT};
+    use crate::sensor::satellite::EXAMPLE;
     use fusion_core::geometry::wgs84::Geodetic;
     use fusion_core::state::View;
 

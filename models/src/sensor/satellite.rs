@@ -8,6 +8,7 @@
 
 use super::range::earth_centred;
 use crate::block::{Build, BuildError};
+use crate::earth::SPEED_OF_LIGHT;
 use crate::param::VectorParam;
 use crate::units::dim;
 use crate::vocabulary::state;
@@ -16,9 +17,6 @@ use fusion_core::linear::Jacobian;
 use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Manifold, Param, Quantity, Vector, View};
 use nalgebra::Vector3;
-
-/// Speed of light in vacuum \[m/s\].
-pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 
 /// An example: a satellite 20° from the zenith at 36° north, 129° east, in metres and metres per second.
 pub(super) const EXAMPLE: [f64; 6] = [-2.0e7, 1.0e7, 1.4e7, -1500.0, -2000.0, 800.0];

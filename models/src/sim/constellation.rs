@@ -12,9 +12,9 @@
 
 use super::random::Random;
 use crate::block::BuildError;
+use crate::earth::SPEED_OF_LIGHT;
 use crate::earth::frames::{ecef_from_geodetic, rotation_en};
 use crate::fault::Windows;
-use crate::sensor::SPEED_OF_LIGHT;
 use crate::units::{NonNegative, Positive, Quantity, dim};
 use core::f64::consts::TAU;
 use fusion_core::Time;
