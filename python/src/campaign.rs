@@ -86,7 +86,9 @@ impl Campaign {
 pub(crate) fn merge(py: Python<'_>, parts: Vec<Vec<u8>>) -> PyResult<Campaign> {
     py.detach(|| {
         let parts = parts.into_iter().enumerate();
-        let read: Result<Vec<Part>, _> = parts.map(|(number, part)| Part::in_memory(&format!("part {number}"), part.into())).collect();
+        let read: Result<Vec<Part>, _> = parts
+            .map(|(number, part)| Part::in_memory(&format!("part {number}"), part.into()))
+            .collect();
         let mut bytes = Vec::new();
         let joined = Parts::whole(read.map_err(|error| refused(&error))?).and_then(|whole| whole.join(&mut bytes));
         joined.map_err(|error| refused(&error))?;
