@@ -55,7 +55,7 @@
 //! use fusion_core::state::{Declaration, Dynamics, LayoutBuilder, Scalar, Slot, StateRole, View};
 //! use fusion_core::Time;
 //! use nalgebra::Matrix1;
-//! use alloc::sync::Arc;
+//! use std::sync::Arc;
 //!
 //! #[derive(Debug)]
 //! struct Line {
@@ -126,7 +126,7 @@
 //! assert!((p[0] - 0.36).abs() < 1e-9 && (p[1] - 0.08).abs() < 1e-9);
 //! // 2 m/s, and the error of the start is forgotten.
 //! assert!((belief.x[0] - 400.0).abs() < 1e-9 && (belief.x[1] - 2.0).abs() < 1e-9);
-//! # Ok::<(), Box<dyn core::error::Error>>(())
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! # Map
