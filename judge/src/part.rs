@@ -478,6 +478,20 @@ impl Parts {
         Ok(all)
     }
 
+    /// The design that works, the further entries of the head, and all rows in memory.
+    ///
+    /// # Errors
+    /// As [`Parts::rows`].
+    pub fn read<S: DeserializeOwned, T: DeserializeOwned>(&self) -> Result<(Subject, S, Vec<T>), Unreadable> {
+        let subject = self.head().subjects.first().cloned().ok_or(Unreadable::Empty)?;
+        let mut rows = Vec::new();
+        self.rows(&mut |row| {
+            rows.push(row);
+            Ok(())
+        })?;
+        Ok((subject, self.shared()?, rows))
+    }
+
     /// Writes all of them as one part.
     ///
     /// # Errors

@@ -129,7 +129,7 @@ fn parts_of_a_campaign_make_the_whole_in_any_order() {
     );
 }
 
-/// What a run prints, without the last lines: the pace and the files.
+/// The printed text without its last lines, which have the pace and the files.
 fn tables(page: &str) -> Vec<String> {
     page.lines()
         .take_while(|line| !line.contains("filter epochs in") && !line.contains("Written"))

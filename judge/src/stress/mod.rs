@@ -260,15 +260,10 @@ impl Stress {
     /// # Errors
     /// [`Unreadable`], if a part is damaged.
     pub fn read(parts: &Parts) -> Result<Self, Unreadable> {
+        let (subject, shared, rows) = parts.read::<Shared, _>()?;
         let Subject {
             description, provenance, ..
-        } = parts.head().subjects.first().cloned().ok_or(Unreadable::Empty)?;
-        let shared: Shared = parts.shared()?;
-        let mut rows = Vec::new();
-        parts.rows(&mut |row| {
-            rows.push(row);
-            Ok(())
-        })?;
+        } = subject;
         Ok(Self {
             description,
             provenance,
