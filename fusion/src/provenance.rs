@@ -2,10 +2,11 @@
 
 use crate::checkpoint::fingerprint_of_run;
 use crate::design::Design;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The inputs of a run, or of each run of a comparison.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Provenance {
     /// The file of the design, as it was named.
     pub design: String,

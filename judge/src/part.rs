@@ -1,4 +1,5 @@
-//! Work in parts: some runs of a campaign, or some cases of a stress, as a file; and the whole from such files.
+//! Work in parts: some runs of a campaign, some cases of a stress, or the searches of a tuning from some starts, as a file; and
+//! the whole from such files.
 //!
 //! A file is a sequence of CBOR values (RFC 8742): its format, a [head](Head) that says which work it belongs to, a row
 //! for each number, and the [effort](Effort). Numbers keep every bit. The parts of a work, in any order, give the rows
@@ -31,13 +32,15 @@ pub enum Kind {
     Stress,
     /// Drawn cases.
     Draw,
+    /// The searches of a tuning, each from another start.
+    Tune,
 }
 
 impl Kind {
     /// The number of the first unit: runs count from 0, cases from 1.
     const fn first(self) -> u64 {
         match self {
-            Self::Montecarlo | Self::Compare => 0,
+            Self::Montecarlo | Self::Compare | Self::Tune => 0,
             Self::Stress | Self::Draw => 1,
         }
     }
@@ -47,6 +50,7 @@ impl Kind {
         match self {
             Self::Montecarlo | Self::Compare => "run",
             Self::Stress | Self::Draw => "case",
+            Self::Tune => "start",
         }
     }
 }
@@ -58,6 +62,7 @@ impl fmt::Display for Kind {
             Self::Compare => "`fusion compare`",
             Self::Stress => "`fusion stress`",
             Self::Draw => "`fusion stress --draw`",
+            Self::Tune => "`fusion tune`",
         })
     }
 }
@@ -159,7 +164,7 @@ pub enum Unreadable {
         again: String,
     },
     /// It is another kind of file.
-    #[error("this is no part of a campaign: `fusion montecarlo --part`, and that of `compare` and `stress`, writes one")]
+    #[error("this is no part of a campaign: `fusion montecarlo --part`, and that of `compare`, `stress` and `tune`, writes one")]
     Other,
     /// It was written by a program with another layout.
     #[error("it has layout {0}, this program reads layout {wanted}: write the part again with this program", wanted = FORMAT.1)]

@@ -2,8 +2,9 @@
 
 use crate::design::Design;
 use crate::error::raised;
+use fusion::config::{Diagnostics, Document};
 use fusion::run::{KeptRows, Options};
-use fusion_judge::tune::{Log, Settings, Tuned as Result, tune};
+use fusion_judge::tune::{Log, Searched, Settings, Tuned as Result, searches, tune};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -14,19 +15,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 #[derive(Debug)]
 pub(crate) struct Tuned(Result);
 
-#[pymethods]
+/// Designs with other values of the parameters, from which the search starts too.
+type Starts<'py> = Vec<PyRef<'py, Design>>;
+
 impl Design {
-    /// Tunes the noises whose paths match, on each of `logs`: dicts of rows in place of files.
-    #[pyo3(signature = (params, logs, settle, folds, most_runs))]
-    fn tune(
-        &self,
-        py: Python<'_>,
-        params: Vec<String>,
-        logs: Vec<Bound<'_, PyDict>>,
-        settle: f64,
-        folds: usize,
-        most_runs: u64,
-    ) -> PyResult<Tuned> {
+    fn logs(&self, logs: Vec<Bound<'_, PyDict>>) -> PyResult<Vec<Log>> {
         let mut all = Vec::new();
         for rows in logs {
             let mut options = Options {
@@ -39,25 +32,87 @@ impl Design {
                 options,
             });
         }
-        let stop = Arc::new(AtomicBool::new(false));
+        Ok(all)
+    }
+}
+
+/// Does `work` with Python detached, which is looked at between two runs: Ctrl-C ends the search, and is then raised.
+fn searching<T: Send>(
+    py: Python<'_>,
+    mut settings: Settings,
+    work: impl FnOnce(&Settings, &(dyn Fn(u64, f64) + Sync)) -> core::result::Result<T, Diagnostics> + Send,
+) -> PyResult<T> {
+    let stop = Arc::new(AtomicBool::new(false));
+    settings.stop = Some(stop.clone());
+    let look = |_: u64, _: f64| {
+        if Python::attach(|py| py.check_signals().is_err()) {
+            stop.store(true, Ordering::Relaxed);
+        }
+    };
+    let done = py.detach(|| work(&settings, &look));
+    if stop.load(Ordering::Relaxed) {
+        return Err(pyo3::exceptions::PyKeyboardInterrupt::new_err(()));
+    }
+    done.map_err(|mistakes| raised(py, &mistakes))
+}
+
+fn documents(starts: &Starts<'_>) -> Vec<Document> {
+    starts.iter().map(|start| start.design.document.clone()).collect()
+}
+
+#[pymethods]
+impl Design {
+    /// Tunes the noises whose paths match, on each of `logs`: dicts of rows in place of files. `searched` has the ends of
+    /// the searches from all starts, if other processes found them.
+    #[pyo3(signature = (params, logs, settle, folds, most_runs, starts, searched))]
+    #[expect(clippy::too_many_arguments, reason = "Python's side has names for them")]
+    fn tune(
+        &self,
+        py: Python<'_>,
+        params: Vec<String>,
+        logs: Vec<Bound<'_, PyDict>>,
+        settle: f64,
+        folds: usize,
+        most_runs: u64,
+        starts: Starts<'_>,
+        searched: Vec<(Vec<f64>, u64)>,
+    ) -> PyResult<Tuned> {
+        let logs = self.logs(logs)?;
         let settings = Settings {
             settle,
             folds,
             most_runs,
-            stop: Some(stop.clone()),
+            starts: documents(&starts),
+            searched: searched.into_iter().map(|(theta, runs)| Searched { theta, runs }).collect(),
             ..Settings::default()
         };
-        // Python is looked at between two runs: Ctrl-C ends the search with the best so far, and is then raised.
-        let look = |_: u64, _: f64| {
-            if Python::attach(|py| py.check_signals().is_err()) {
-                stop.store(true, Ordering::Relaxed);
-            }
+        searching(py, settings, |settings, look| tune(&logs, &params, settings, look)).map(Tuned)
+    }
+
+    /// The end of the search from the start of this number.
+    #[pyo3(signature = (params, logs, settle, most_runs, starts, number))]
+    #[expect(clippy::too_many_arguments, reason = "Python's side has names for them")]
+    fn search(
+        &self,
+        py: Python<'_>,
+        params: Vec<String>,
+        logs: Vec<Bound<'_, PyDict>>,
+        settle: f64,
+        most_runs: u64,
+        starts: Starts<'_>,
+        number: u64,
+    ) -> PyResult<Vec<(Vec<f64>, u64)>> {
+        let logs = self.logs(logs)?;
+        let settings = Settings {
+            settle,
+            most_runs,
+            starts: documents(&starts),
+            ..Settings::default()
         };
-        let tuned = py.detach(|| tune(&all, &params, &settings, &look));
-        if stop.load(Ordering::Relaxed) {
-            return Err(pyo3::exceptions::PyKeyboardInterrupt::new_err(()));
-        }
-        tuned.map(Tuned).map_err(|mistakes| raised(py, &mistakes))
+        let ends = searching(py, settings, |settings, look| {
+            searches(&logs, &params, settings, number..number + 1, look)
+        })?;
+        Ok(ends.into_iter().map(|end| (end.theta, end.runs)).collect())
     }
 }
 

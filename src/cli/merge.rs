@@ -1,7 +1,7 @@
 //! `fusion merge`.
 
 use super::part::{open, refused};
-use super::{Failure, OutputArgs, compare, montecarlo, stress};
+use super::{Failure, OutputArgs, compare, montecarlo, stress, tune};
 use clap::Args;
 use fusion::config::Diagnostic;
 use fusion::output::FileSet;
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub(super) struct MergeArgs {
-    /// Parts that `--part` of `fusion montecarlo`, `compare` or `stress` has written, in any order.
+    /// Parts that `--part` of `fusion montecarlo`, `compare`, `stress` or `tune` has written, in any order.
     #[arg(required = true, value_name = "FILE")]
     parts: Vec<PathBuf>,
     /// Writes the files of the whole here; creates the folder if necessary: runs.csv and montecarlo.html, stress.csv, or
@@ -32,6 +32,8 @@ pub(super) fn merge(args: &MergeArgs) -> Result<(), Failure> {
             Err(Diagnostic::error("`fusion compare` with several runs writes no files: leave `--out` out").into())
         }
         Kind::Compare => args.output.print(&compare::together(&parts)?),
+        Kind::Tune if out.is_some() => Err(Diagnostic::error("`fusion tune` writes no folder: leave `--out` out").into()),
+        Kind::Tune => tune::merged(&parts, &args.output),
         Kind::Stress | Kind::Draw => stress::results(&parts, out, files, &args.output, None),
     }
 }

@@ -229,13 +229,14 @@ Examples:
     /// thinned until its innovations are white; if too few are left, nothing is tuned and the exit code is 4. A noise
     /// that the log does not determine keeps its value. Each part of the log is judged by what the other parts give.
     ///
-    /// The work has no `--part`, because each iteration needs the one before. Tunings by other logs or starts are separate
-    /// commands.
+    /// With `--start`, the searches from several starts can be parts in several processes: each iteration of a search needs
+    /// the one before, so one search stays whole.
     #[command(after_long_help = "\
 Examples:
   fusion tune drive.toml --data ~/logs/drive-3
   fusion tune drive.toml --params 'gyro.noise,sensor.*.noise' --fix tuned.toml
-  fusion tune drive.toml --data ~/logs/drive-3 --also ~/logs/drive-4    two logs, one set of noises")]
+  fusion tune drive.toml --data ~/logs/drive-3 --also ~/logs/drive-4    two logs, one set of noises
+  fusion tune drive.toml --start 'sensor.gnss.noise=5 m' --runs 1..2 --part one.part    then `fusion merge` of all parts")]
     Tune(tune::TuneArgs),
     /// Show which share of each error comes from which source: noise, bias, start, slow error of each instrument.
     ///
@@ -268,14 +269,18 @@ Examples:
   fusion record configs/ins-gps.toml --out log
   fusion run log/design.toml")]
     Record(record::RecordArgs),
-    /// Print the JSON Schema of a design, for editors that complete and check TOML.
+    /// Print the JSON Schema of a design, for editors that complete and check TOML, or that of summary.json.
     #[command(after_long_help = "\
 Examples:
   fusion schema > fusion.schema.json
 
 Then name it in the first line of a design:
   #:schema ./fusion.schema.json")]
-    Schema,
+    Schema {
+        /// The schema of summary.json, the result of a run.
+        #[arg(long)]
+        summary: bool,
+    },
 }
 
 /// How results are printed.
@@ -522,7 +527,8 @@ pub fn main() -> ExitCode {
         Command::Merge(args) => merge::merge(&args),
         Command::Stress(args) => stress::stress(&args),
         Command::Record(args) => record::record_world(&args),
-        Command::Schema => print(&format!("{:#}\n", fusion::schema::design())),
+        Command::Schema { summary: true } => print(&format!("{:#}\n", fusion::run::summary_schema())),
+        Command::Schema { summary: false } => print(&format!("{:#}\n", fusion::schema::design())),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

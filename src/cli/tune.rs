@@ -1,10 +1,12 @@
 //! `fusion tune`.
 
 use super::fix::FixArgs;
+use super::part::{self, range, refused};
 use super::progress::Runs;
-use super::run::period;
+use super::run::{period, written};
 use super::{DesignArgs, Failure, OutputArgs};
-use clap::Args;
+use clap::{Args, Command, FromArgMatches};
+use core::ops::Range;
 use fusion::config::{Diagnostic, Diagnostics, Document, Edit};
 use fusion::design::Design;
 use fusion::examine::{Missing, examine};
@@ -12,13 +14,14 @@ use fusion::provenance::Provenance;
 use fusion::run::{KeptRows, Options, run};
 use fusion_advice::frames::judge;
 use fusion_judge::likelihood::Difference;
+use fusion_judge::part::{Effort, Head, Kind, Parts, Subject, Writer};
 use fusion_judge::tune::{
-    Coasting, Found, Hidden, Independence, Log, Outage, Proposal, Settings, Share, SlowError, Tuned, Unobserved, hidden, structure,
-    tune as tune_logs,
+    Coasting, Found, Hidden, Independence, Log, Outage, Proposal, Searched, Settings, Share, SlowError, Tuned, Unobserved, hidden,
+    searches, structure, tune as tune_logs,
 };
 use fusion_tables::{Cell, Column, Page, Section, Table, short};
-use std::path::PathBuf;
-use std::time::Duration;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 #[derive(Debug, Args)]
 pub(super) struct TuneArgs {
@@ -53,10 +56,17 @@ pub(super) struct TuneArgs {
     /// Another start of the search: the declared noises with one of them changed, as by `--set`. The best end counts.
     #[arg(long, value_name = "PATH=VALUE")]
     start: Vec<String>,
+    /// Searches from these starts only, such as 0..2; the last number is not included. Number 0 is the common factor of all
+    /// noises that explains the innovations best, number 1 the first `--start`.
+    #[arg(long, value_name = "A..B", requires_all = ["part", "start"], value_parser = range)]
+    runs: Option<Range<u64>>,
+    /// Writes the ends of these searches to this file. `fusion merge` takes the best end of all, and tunes as one process does.
+    #[arg(long, value_name = "FILE", requires = "runs")]
+    part: Option<PathBuf>,
     /// Tries the edits of advice, and states for slow errors of sensors, in place of noises. Advice sees the first half of the
     /// log, and so does the autocorrelation of innovations. An edit is proposed if the innovations of the second half are more
     /// probable with it.
-    #[arg(long, conflicts_with_all = ["params", "also", "settle", "within", "outage", "cover", "start"])]
+    #[arg(long, conflicts_with_all = ["params", "also", "settle", "within", "outage", "cover", "start", "part"])]
     structure: bool,
     #[command(flatten)]
     fix: FixArgs,
@@ -67,6 +77,92 @@ pub(super) struct TuneArgs {
 pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
     args.fix.check(&args.design)?;
     let design = args.design.read()?;
+    let logs = logs(args, &design)?;
+    if args.structure {
+        return edits(args, &design);
+    }
+    let settings = settings(args)?;
+    match &args.part {
+        Some(path) => write_part(args, &design, &logs, &settings, path),
+        None => results(args, &design, &logs, &settings, &args.output),
+    }
+}
+
+/// Tunes with the searches of all parts, by the words of the first one.
+pub(super) fn merged(parts: &Parts, output: &OutputArgs) -> Result<(), Failure> {
+    let (subject, words, searched) = parts.read::<Vec<String>, Searched>().map_err(refused)?;
+    let command = TuneArgs::augment_args(Command::new("tune").no_binary_name(true));
+    let args = command
+        .try_get_matches_from(&words)
+        .and_then(|matches| TuneArgs::from_arg_matches(&matches));
+    let args = args.map_err(|e| Diagnostic::error(format!("the options of the parts cannot be read: {e}")))?;
+    args.fix.check(&args.design)?;
+    let design = args.design.read()?;
+    if Provenance::of(&design, None).hash != subject.provenance.hash {
+        let changed = Diagnostic::error(format!("`{}` has changed since the parts were written", subject.provenance.design));
+        return Err(changed.help("restore it, or write the parts again").into());
+    }
+    let logs = logs(&args, &design)?;
+    let settings = Settings {
+        searched,
+        ..settings(&args)?
+    };
+    results(&args, &design, &logs, &settings, output)
+}
+
+/// Searches from some of the starts, and writes the ends.
+fn write_part(args: &TuneArgs, design: &Design, logs: &[Log], settings: &Settings, path: &Path) -> Result<(), Failure> {
+    let (numbers, end) = (args.runs.clone().unwrap_or_default(), settings.starts.len() as u64 + 1);
+    if numbers.end > end {
+        return Err(Diagnostic::error(format!("there are the starts 0..{end}: `--runs` is beyond them")).into());
+    }
+    let words = words();
+    let quoted: Vec<String> = words.iter().map(|word| format!("'{}'", word.replace('\'', r"'\''"))).collect();
+    let head = Head {
+        again: format!("fusion tune {}", quoted.join(" ")),
+        ..Head::new(
+            Kind::Tune,
+            vec![Subject::new("", design, design.run.seed)],
+            numbers.clone(),
+            Some(end),
+        )
+    };
+    let head = head.sharing(&words).map_err(|e| Diagnostic::error(e.to_string()))?;
+    let bar = Runs::new();
+    let began = Instant::now();
+    let ends = searches(logs, &args.params, settings, numbers, &|runs, _| bar.at(runs, settings.most_runs))?;
+    drop(bar);
+    let unwritable = |e: std::io::Error| Diagnostic::error(format!("`{}` cannot be written: {e}", path.display()));
+    part::work(Some(path), |file| {
+        let mut out = Writer::begin(file, &head).map_err(unwritable)?;
+        ends.iter().try_for_each(|end| out.put(end)).map_err(unwritable)?;
+        let seconds = began.elapsed().as_secs_f64();
+        Ok(out
+            .end(Effort {
+                seconds,
+                threads: std::thread::available_parallelism().map_or(1, usize::from),
+            })
+            .map_err(unwritable)?)
+    })?;
+    args.output.print(&page(design, vec![written([path.to_owned()])]))
+}
+
+/// The words of the command line that all parts share.
+fn words() -> Vec<String> {
+    let mut given = std::env::args().skip_while(|word| word != "tune").skip(1);
+    let mut words = Vec::new();
+    while let Some(word) = given.next() {
+        match word.as_str() {
+            "--runs" | "--part" => drop(given.next()),
+            own if own.starts_with("--runs=") || own.starts_with("--part=") => {}
+            _ => words.push(word),
+        }
+    }
+    words
+}
+
+/// The design with each log.
+fn logs(args: &TuneArgs, design: &Design) -> Result<Vec<Log>, Failure> {
     let mut logs = Vec::new();
     for data in [args.design.data.clone()].into_iter().chain(args.also.iter().cloned().map(Some)) {
         let options = Options {
@@ -81,10 +177,11 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
             options,
         });
     }
-    if args.structure {
-        return edits(args, &design);
-    }
-    let settings = Settings {
+    Ok(logs)
+}
+
+fn settings(args: &TuneArgs) -> Result<Settings, Failure> {
+    Ok(Settings {
         settle: args.settle.as_secs_f64(),
         folds: usize::try_from(args.folds).unwrap_or(usize::MAX),
         prior: args.within.map(prior).transpose()?,
@@ -94,25 +191,34 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
         #[cfg(unix)]
         stop: Some(super::stop::search()),
         ..Settings::default()
-    };
+    })
+}
+
+fn page(design: &Design, sections: Vec<Section>) -> Page {
+    Page {
+        title: design.run.description.clone(),
+        provenance: Provenance::of(design, None),
+        warnings: Vec::new(),
+        sections,
+    }
+}
+
+/// Tunes, and prints what was found.
+fn results(args: &TuneArgs, design: &Design, logs: &[Log], settings: &Settings, output: &OutputArgs) -> Result<(), Failure> {
     let bar = Runs::new();
-    let tuned = tune_logs(&logs, &args.params, &settings, &|runs, _| bar.at(runs, settings.most_runs))?;
+    let tuned = tune_logs(logs, &args.params, settings, &|runs, _| bar.at(runs, settings.most_runs))?;
     let unseen = if tuned.is_sound() {
-        hidden(&logs, &tuned, &settings)?
+        hidden(logs, &tuned, settings)?
     } else {
         Vec::new()
     };
     drop(bar);
-    let mut page = Page {
-        title: design.run.description.clone(),
-        provenance: Provenance::of(&design, None),
-        warnings: Vec::new(),
-        sections: vec![
-            Section::new("Noises", [noises(&tuned.found)]),
-            Section::new("Innovations", [innovations(&tuned.independence)]),
-            verdict(&tuned, settings.cover),
-        ],
-    };
+    let sections = vec![
+        Section::new("Noises", [noises(&tuned.found)]),
+        Section::new("Innovations", [innovations(&tuned.independence)]),
+        verdict(&tuned, settings.cover),
+    ];
+    let mut page = page(design, sections);
     if !unseen.is_empty() {
         page.sections.insert(1, not_identifiable(&unseen, settings.outage.is_some()));
     }
@@ -125,7 +231,7 @@ pub(super) fn tune(args: &TuneArgs) -> Result<(), Failure> {
     if tuned.is_better() {
         page.sections.extend(args.fix.write(&args.design, &tuned.edits())?);
     }
-    args.output.print(&page)?;
+    output.print(&page)?;
     if tuned.is_sound() { Ok(()) } else { Err(Failure::Dependent) }
 }
 
@@ -158,16 +264,12 @@ fn edits(args: &TuneArgs, design: &Design) -> Result<(), Failure> {
         ]);
     }
     let section = Section::new("Edits of advice, judged on the second half", [t]);
-    let mut page = Page {
-        title: design.run.description.clone(),
-        provenance: Provenance::of(design, None),
-        warnings: Vec::new(),
-        sections: vec![if proposals.is_empty() {
-            section.note("Advice has no edit for the first half of this log, and no sensor shows a slow error there.")
-        } else {
-            section
-        }],
+    let first = if proposals.is_empty() {
+        section.note("Advice has no edit for the first half of this log, and no sensor shows a slow error there.")
+    } else {
+        section
     };
+    let mut page = page(design, vec![first]);
     let slow: Vec<&SlowError> = proposals.iter().filter_map(|proposal| proposal.slow.as_ref()).collect();
     if !slow.is_empty() {
         page.sections.push(slow_errors(&slow));

@@ -162,14 +162,57 @@ fn slips_are_invalid() {
     assert_eq!(against_schema(&read(crate::support::DESIGN)), [] as [&str; 0]);
 }
 
-/// The schema for editors is the output of the program: `fusion schema > schema/fusion.schema.json`.
+/// The published schemas are the output of the program.
 #[test]
-fn the_published_schema_is_the_printed_one() {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("schema/fusion.schema.json");
-    let published = std::fs::read_to_string(path).unwrap();
-    let printed = format!("{:#}\n", fusion::schema::design());
-    assert!(
-        published == printed,
-        "schema/fusion.schema.json is not what the program prints: `cargo run -- schema > schema/fusion.schema.json`"
-    );
+fn the_published_schemas_are_the_printed_ones() {
+    let schemas = [
+        ("fusion", "", fusion::schema::design()),
+        ("summary", " --summary", fusion::run::summary_schema()),
+    ];
+    for (name, option, schema) in schemas {
+        let path = format!("schema/{name}.schema.json");
+        let published = std::fs::read_to_string(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(&path)).unwrap();
+        assert!(
+            published == format!("{schema:#}\n"),
+            "{path} is not what the program prints: `cargo run -- schema{option} > {path}`"
+        );
+    }
+}
+
+/// Every key of a result is in the schema, and every value is as it says.
+#[test]
+fn a_summary_obeys_its_schema() {
+    let mut schema = fusion::run::summary_schema();
+    close(&mut schema);
+    let validator = jsonschema::draft202012::new(&schema).unwrap();
+    for (design, options) in [
+        ("ins-gps", &["--smooth=iterate"] as &[&str]),
+        ("tracked-navigators", &[]),
+        ("utv-square", &[]),
+        ("after-outage", &[]),
+    ] {
+        let workspace = crate::support::Workspace::new("summary-schema");
+        let path = format!("{}/configs/{design}.toml", env!("CARGO_MANIFEST_DIR"));
+        workspace.fusion(&[&["run", &path, "--out", "out"], options].concat()).success();
+        let summary = serde_json::from_str(&workspace.read("out/summary.json")).unwrap();
+        let wrong: Vec<String> = validator
+            .iter_errors(&summary)
+            .map(|e| format!("{}: {e}", e.instance_path()))
+            .collect();
+        assert!(wrong.is_empty(), "{design}: {wrong:#?}");
+    }
+}
+
+/// Refuses keys that an object of the schema does not name.
+fn close(schema: &mut serde_json::Value) {
+    match schema {
+        serde_json::Value::Object(map) => {
+            if map.contains_key("properties") {
+                map.insert("unevaluatedProperties".to_owned(), false.into());
+            }
+            map.values_mut().for_each(close);
+        }
+        serde_json::Value::Array(items) => items.iter_mut().for_each(close),
+        _ => {}
+    }
 }

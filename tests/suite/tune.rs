@@ -224,6 +224,30 @@ fn an_outage_that_does_not_fit_or_has_no_instrument_is_an_error() {
     assert!(stderr(&other).contains("no instrument has this name"), "{}", stderr(&other));
 }
 
+/// The searches from three starts, in two processes and any order, give the page of one process.
+#[test]
+fn parts_of_a_tuning_make_the_whole() {
+    let w = Workspace::new("tune-parts");
+    let design = format!("{ROOT}/configs/ins-gps.toml");
+    let far = [
+        "--start",
+        "sensor.velocity.noise.sigma=0.5 m/s",
+        "--start",
+        "sensor.velocity.noise.sigma=5 mm/s",
+    ];
+    let all = [&["tune", &design, "--params", "sensor.velocity.noise"][..], &far].concat();
+    let whole = stdout(&w.fusion(&all).success());
+    for (runs, part) in [("0..1", "a.part"), ("1..3", "b.part")] {
+        w.fusion(&[&all[..], &["--runs", runs, "--part", part]].concat()).success();
+    }
+    assert_eq!(stdout(&w.fusion(&["merge", "b.part", "a.part"]).success()), whole);
+    let missing = stderr(&w.fusion(&["merge", "b.part"]).code(2));
+    assert!(missing.contains("starts 0 to 0 are in no part"), "{missing}");
+    assert!(missing.contains("--runs 0..1 --part"), "{missing}");
+    let beyond = stderr(&w.fusion(&[&all[..], &["--runs", "2..4", "--part", "c.part"]].concat()).code(2));
+    assert!(beyond.contains("there are the starts 0..3"), "{beyond}");
+}
+
 #[test]
 fn a_start_with_a_mistake_or_with_the_declared_values_is_an_error() {
     let w = Workspace::new("tune-start");

@@ -3,6 +3,7 @@
 use super::diagnostic::{Diagnostic, Place};
 use super::document::{Document, Value};
 use core::fmt;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -18,7 +19,7 @@ use std::sync::Arc;
 /// assert_eq!(document.root().at(gnss).map(|node| node.inline()), Some("{ unit = \"deg\" }".to_owned()));
 /// # Ok::<(), fusion::config::Diagnostic>(())
 /// ```
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Edit {
     /// The dotted path of the key, from the root of the design; an element of an array by its index.
     pub key: String,

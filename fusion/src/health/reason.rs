@@ -5,6 +5,7 @@ use crate::observe::Heard;
 use core::fmt;
 use fusion_core::health::{Reason, State};
 use fusion_core::memory::{Memory, Tape};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -12,7 +13,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 type Word = &'static str;
 
 /// A reason for the health of a filter, in the names of the design.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct NamedReason {
     /// The reason: `no_input`, `stopped`, `gave_up`, `refused`, `unsound`, `floor`, `calibration`,
     /// `pulled`, `jumped`, `innovations`, `biased`, `rejected`, `reacquired`, `silent`, `ahead`, `unaided`, `undecided`.
@@ -22,6 +23,7 @@ pub struct NamedReason {
     pub of: String,
     /// The health state that it causes.
     #[serde(serialize_with = "word", deserialize_with = "from_word")]
+    #[schemars(schema_with = "words")]
     pub state: State,
 }
 
@@ -100,6 +102,11 @@ impl fmt::Display for NamedReason {
 /// A state as its word.
 pub fn word<S: Serializer>(state: &State, s: S) -> Result<S::Ok, S::Error> {
     s.serialize_str(state.word())
+}
+
+/// The words of states.
+pub(super) fn words(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({ "type": "string", "enum": State::ALL.map(State::word) })
 }
 
 /// A state from its word.

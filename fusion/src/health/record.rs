@@ -1,6 +1,6 @@
 //! Keeps the health of every filter of a run over time.
 
-use super::reason::{NamedReason, Names, word};
+use super::reason::{NamedReason, Names, word, words};
 use crate::assembly::Assembly;
 use crate::observe::{Entry, Filters, Heard, Listed, RunEnd, RunEvent, RunObserver, SectionObserver, Shared, Summary};
 use crate::score::Outage;
@@ -9,18 +9,20 @@ use fusion_core::health::{Health, State};
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::time::{Time, nanos};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Changes that are kept of a filter; the others are counted.
 const KEPT: usize = 1000;
 
 /// A change of the health.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Transition {
     /// When \[s\].
     pub time: f64,
     /// The state from then on.
     #[serde(serialize_with = "word")]
+    #[schemars(schema_with = "words")]
     pub state: State,
     /// All reasons that hold from then on; the state may be the same as before.
     pub reasons: Vec<NamedReason>,
@@ -30,7 +32,7 @@ pub struct Transition {
 }
 
 /// Time spent in each state \[s\].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Spent {
     /// Good.
     pub good: f64,
@@ -76,17 +78,19 @@ impl Spent {
 }
 
 /// The health of a filter over a run.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct FilterHealth {
     /// The stage that it is inside of, after those around it, with dots; empty of the design's own.
     pub filter: String,
     /// The state at the end.
     #[serde(serialize_with = "word")]
+    #[schemars(schema_with = "words")]
     pub state: State,
     /// When it was good for the first time \[s\].
     pub aligned: Option<f64>,
     /// The worst state from then on. If the filter was never good, the worst state of all.
     #[serde(serialize_with = "word")]
+    #[schemars(schema_with = "words")]
     pub worst: State,
     /// Time spent in each state \[s\], from the first row to the last estimate.
     pub spent: Spent,

@@ -5,13 +5,14 @@ use fusion_core::filter::Rivals;
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::time::Time;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The maximum number of changes that are kept.
 const CHANGES: usize = 20;
 
 /// The hypotheses of the outermost filter through a run.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Hypotheses {
     /// The number of hypotheses at the end, including the displayed one.
     pub count: u64,
@@ -26,7 +27,7 @@ pub struct Hypotheses {
 }
 
 /// A change of the displayed hypothesis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Change {
     /// Time \[s\].
     pub time: f64,

@@ -4,11 +4,12 @@ use super::{Entry, Listed, RunEnd, RunEvent, RunObserver, SectionObserver, Summa
 use fusion_core::filter::Verdict;
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt, Runner, StreamId};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The outcomes of the rows of one consumer: the process, an initialiser, a stage or a sensor. Each row is in exactly
 /// one of the counts after `rows`, and these counts add up to `rows`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct ConsumerCounts {
     /// The consumer. If it has several inputs, with the input: `initial.fix (input 2)`.
     pub name: String,

@@ -3,13 +3,14 @@
 use super::{Entry, Keyed, RunEnd, RunEvent, RunObserver, Section, SectionObserver, Summary};
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The name of the process as a consumer.
 const PROCESS: &str = "process";
 
 /// The estimates of a run, and the samples of its process input.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Counts {
     /// Time for which rows are held back, so that late rows are used in order of time \[s\]. The estimate on the
     /// vehicle is this old. 0 if rows are used as they arrive.
@@ -108,7 +109,7 @@ impl SectionObserver for Counters {
 }
 
 /// Rows that came too late or held NaN, of all filters.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(transparent)]
 pub struct UnusedRows {
     /// By consumer: `stage.consumer` inside a stage.

@@ -3,17 +3,20 @@
 use super::{Entry, Keyed, RunEnd, RunEvent, RunObserver, Section, SectionObserver, Summary};
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The maximum number of failures whose reason is kept.
 const REASONS: usize = 10;
 
 /// The failures of all filters.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Failures {
     /// Why a filter could not continue: the first ten reasons.
+    #[schemars(rename = "failures")]
     pub first: Vec<String>,
     /// The number of further failures.
+    #[schemars(rename = "further_failures")]
     pub further: u64,
 }
 

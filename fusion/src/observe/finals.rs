@@ -7,11 +7,12 @@ use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::Halt;
 use fusion_core::state::{Block, Dynamics, Kind, Layout, StateRole};
 use fusion_core::time::Time;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::sync::Arc;
 
 /// The state of one parameter at the end of a run.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct FinalState {
     /// The block.
     pub name: String,

@@ -23,6 +23,7 @@ use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::state::{Block, Dynamics, Kind, StateRole};
 use fusion_core::time::Time;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -31,7 +32,7 @@ use std::sync::Arc;
 const PROBABILITY: f64 = 0.9995;
 
 /// A stretch of innovations that are larger than chance allows, and the calibrations that moved with them.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Excess {
     /// The sensor of the innovations.
     pub sensor: String,
@@ -50,7 +51,7 @@ pub struct Excess {
 }
 
 /// A calibration that moved.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Moved {
     /// The block.
     pub name: String,

@@ -6,6 +6,7 @@ use fusion_core::filter::{Update, Verdict};
 use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Scores one filter.
@@ -52,7 +53,7 @@ impl SectionObserver for FilterScore {
 }
 
 /// The score of a filter inside a stage. Its sensors and parameters are listed with those of the other filters.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct InsideScore {
     /// The stage's name, after those of the stages around it, with dots.
     pub filter: String,

@@ -1,10 +1,11 @@
 //! A section of the result as a table for readers.
 
 use super::Section;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A section of the result that is a table. It is in summary.json, in the terminal and in the report.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct RunSection {
     /// Its name in summary.json, `snake_case`.
     pub name: String,
@@ -31,7 +32,7 @@ impl Section for RunSection {
 }
 
 /// A column of a [`RunSection`].
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct SectionColumn {
     /// The heading.
     pub name: String,
@@ -40,7 +41,7 @@ pub struct SectionColumn {
 }
 
 /// A value in a [`RunSection`].
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
 pub enum Figure {
     /// Words.

@@ -16,11 +16,12 @@ use fusion_core::memory::{self, Memory};
 use fusion_core::runner::{Event, Halt, Observer};
 use fusion_core::smoother::{FixedInterval, FixedLag, IteratedInterval, Iteration, Link, Replayed, Tape};
 use fusion_core::time::Time;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::VecDeque;
 
 /// The estimates smoothed with later data.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Smoothed {
     /// Lag: data up to this time after an estimate were used \[s\]; `None` for the whole log.
     pub lag: Option<f64>,
@@ -29,9 +30,27 @@ pub struct Smoothed {
     pub estimates: u64,
     /// How the iteration ended; `None` if the models were linearised at the filter's estimates alone.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<IterationEntries>")]
     pub iteration: Option<Iteration>,
     /// Their score against the reference.
     pub score: Option<Score>,
+}
+
+/// The entries of [`Iteration`], for the schema.
+#[derive(JsonSchema)]
+#[schemars(rename = "Iteration")]
+#[expect(dead_code, reason = "the fields serve the schema alone")]
+struct IterationEntries {
+    /// Linearisations of the whole log.
+    iterations: u32,
+    /// Steps that were shortened because they did not lower the merit.
+    shortened: u32,
+    /// The largest distance of a state from the optimum, in its smoothed σ.
+    distance: f64,
+    /// The sum of the squares of residuals, noise and initial error.
+    cost: f64,
+    /// Whether that distance is below a millionth of σ.
+    is_converged: bool,
 }
 
 impl Section for Smoothed {

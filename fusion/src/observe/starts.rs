@@ -5,6 +5,7 @@ use fusion_core::belief::Belief;
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::state::StateRole;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The smallest share of the log before the start that is reported. With uniform errors, one twentieth changes an RMS
@@ -14,7 +15,7 @@ const LATE: f64 = 0.05;
 const BRIEF: f64 = 2.0;
 
 /// The start of the outermost filter.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Start {
     /// When the filter started \[s\]; `None` if it never did.
     pub started: Option<f64>,

@@ -10,6 +10,7 @@ use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt, StreamId};
 use fusion_core::time::Time;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The maximum number of re-acquisition times that are kept.
@@ -19,7 +20,7 @@ const REACQUIRED: usize = 10;
 ///
 /// Only numbers that the sensor itself reads count: its channel, and the 1σ in the same row. The output of a stage for
 /// a disturbed row does not count as disturbed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Disturbed {
     /// Disturbed rows that were used.
     pub missed: u64,
@@ -30,7 +31,7 @@ pub struct Disturbed {
 }
 
 /// Consecutive rejected measurements.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RejectionStreak {
     /// Time of the first \[s\].
     pub from: f64,
@@ -42,7 +43,7 @@ pub struct RejectionStreak {
 
 /// The innovations r = z ⊟ h(x̂) of accepted measurements: sensor minus estimate before the update. They count from
 /// `[reference] from` on, if the design has it.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Innovations {
     /// Measurements counted.
     pub count: u64,
@@ -69,7 +70,7 @@ pub struct Innovations {
 }
 
 /// The outcomes of a sensor's measurements.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 pub struct SensorStatistics {
     /// The sensor.
     pub name: String,
@@ -102,6 +103,7 @@ pub struct SensorStatistics {
     /// The power of its gate, per residual row in SI: the smallest error of that row alone that the gate would have
     /// rejected. It is the median over the judged measurements. Infinite (`null` in JSON) if the gate would reject no
     /// error. Empty if no measurement was judged.
+    #[schemars(with = "Vec<Option<f64>>")]
     pub gate_power: Vec<f64>,
 }
 

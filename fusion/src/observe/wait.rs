@@ -2,6 +2,7 @@
 
 use core::fmt;
 use fusion_core::time::Time;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// An initialiser is a cause of the wait if it was still waiting after this share of it; all others were ready long
@@ -12,7 +13,7 @@ const LATE: f64 = 0.9;
 const EVERY: f64 = 0.1;
 
 /// The part of a log before the start of the outermost filter.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Wait {
     /// From the first row to the start \[s\].
     pub seconds: f64,

@@ -11,6 +11,7 @@ use fusion_core::memory::Memory;
 use fusion_core::time::Time;
 use fusion_models::sim::Record;
 use nalgebra::UnitQuaternion;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The filter, as seen by a simulated world whose vehicle steers by the estimate.
@@ -107,7 +108,7 @@ pub trait Feed: Debug {
 }
 
 /// The statistics of a source.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SourceStatistics {
     /// The source.
     pub name: String,

@@ -5,11 +5,12 @@ use crate::config::{Diagnostic, Edit, did_you_mean};
 use crate::design::Design;
 use crate::observe::Listed;
 use core::fmt;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
 /// Something that a designer should look at.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Finding {
     /// The id of the [`Rule`] that found it.
     pub rule: String,

@@ -7,10 +7,11 @@ use crate::rows::outages as silences;
 use crate::score::Outage;
 use fusion_core::time::Time;
 use fusion_models::fault::Window;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A stretch of time in which a declared fault is at work.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct FaultWindow {
     /// The source or simulated stream.
     pub stream: String,

@@ -10,6 +10,7 @@ mod observers;
 mod recorded;
 mod reference;
 mod saving;
+mod schema;
 mod sections;
 mod smoothing;
 
@@ -21,6 +22,7 @@ pub use feeding::FeedMaker;
 pub use files::{Finished, thinning};
 pub use recorded::open_one;
 pub use saving::Checkpoints;
+pub use schema::summary_schema;
 pub use sections::{Computation, Current, Detector, Effort, Identity, JudgedBy};
 
 use crate::assembly::{Assembly, assemble, declared_streams};

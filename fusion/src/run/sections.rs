@@ -8,11 +8,12 @@ use crate::rows::SourceStatistics;
 use crate::score::Score;
 use fusion_core::runner::Tested;
 use fusion_models::sim::Record;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::sync::LazyLock;
 
 /// The identity of a run.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Identity {
     /// The description in the design.
     pub description: String,
@@ -39,7 +40,7 @@ impl Section for Identity {
 }
 
 /// How the filter computes.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Computation {
     /// The backend: chart, update, form.
     pub backend: String,
@@ -66,7 +67,7 @@ impl Section for Computation {
 }
 
 /// The test results of a detector stage.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Detector {
     /// The stage.
     pub stage: String,
@@ -95,11 +96,13 @@ impl Listed for Detector {
 }
 
 /// Whether the reference is independent of the sensors.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct JudgedBy {
     /// The source of a sensor, if other rows of it are the reference: both then have the same slow errors.
+    #[schemars(rename = "judged_by")]
     pub source: Option<String>,
     /// True if the filter uses rows of the reference: the errors then only show how closely it follows these rows.
+    #[schemars(rename = "judged_by_used_rows")]
     pub used_rows: bool,
 }
 
@@ -123,7 +126,7 @@ impl Section for JudgedBy {
 }
 
 /// The estimates as known at the time, for a filter that uses rows as they arrive.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Current {
     /// Their score against the reference.
     pub score: Option<Score>,
@@ -167,7 +170,7 @@ impl Listed for SourceStatistics {
 }
 
 /// The time that a run takes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Effort {
     /// Wall time of the whole run \[s\].
     pub wall_seconds: f64,

@@ -7,11 +7,12 @@ use fusion_core::math;
 use fusion_core::state::{Block, Dynamics, Layout, StateRole};
 use fusion_core::time::Time;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
 /// The score of a block, for each axis of its tangent space and in its unit.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BlockScore {
     /// The block.
     pub name: String,
@@ -24,6 +25,7 @@ pub struct BlockScore {
     /// Mean of the filter's own 3σ.
     pub three_sigma: Vec<f64>,
     /// Share of the errors inside their own 3σ; NaN for an axis that is not estimated.
+    #[schemars(with = "Vec<Option<f64>>")]
     pub inside: Vec<f64>,
     /// The last error: estimate minus truth.
     pub error: Vec<f64>,

@@ -14,6 +14,7 @@
 use super::Series;
 use fusion_core::consistency::mean_band;
 use fusion_core::math;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The probability of the band of a mean statistic.
@@ -25,7 +26,7 @@ const BAND: f64 = 0.95;
 pub const SHARE_INSIDE: f64 = 0.98;
 
 /// The result of comparing the errors of a filter with its covariance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ConsistencyVerdict {
     /// The errors are as large as the covariance says.
@@ -59,7 +60,7 @@ impl ConsistencyVerdict {
 }
 
 /// The mean of a χ² statistic with the band that a consistent filter stays in.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Consistency {
     /// Mean over all samples.
     pub mean: f64,

@@ -7,6 +7,7 @@
 use super::attitudes::swing_and_twist;
 use super::comparison::{AttitudeError, Deviation, EpochError};
 use fusion_core::time::Time;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The errors that a run has to stay within.
@@ -23,7 +24,7 @@ pub struct Limits {
 }
 
 /// The result for the limits in a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Convergence {
     /// True if the errors stay within the limits from the declared time.
     pub converged: bool,

@@ -18,10 +18,11 @@ use fusion_core::geometry::so3;
 use fusion_core::math;
 use fusion_core::time::Time;
 use nalgebra::UnitQuaternion;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Headings against the course.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Course {
     /// Standard deviation of the reference's heading about the course \[deg\].
     pub reference_deg: f64,

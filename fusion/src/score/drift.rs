@@ -16,11 +16,12 @@ use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::time::Time;
 use fusion_models::fault::{Repeated, Window, Windows};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// The drift over one outage.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Drift {
     /// Start of the outage \[s\].
     pub from: f64,
@@ -43,7 +44,7 @@ pub struct Drift {
 }
 
 /// A measurement that moved the estimate.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Moved {
     /// The sensor.
     pub sensor: String,

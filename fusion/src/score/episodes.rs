@@ -9,10 +9,11 @@ use super::{Axes, Consistency};
 use crate::score::scorer::Sums;
 use fusion_core::math;
 use fusion_models::fault::Windows;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The score of a part of a run.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 pub struct PartScore {
     /// Epochs with a position in it.
     pub epochs: usize,
@@ -26,7 +27,7 @@ pub struct PartScore {
 }
 
 /// The score in the declared episodes and outside them.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 pub struct Episodes {
     /// Inside any episode.
     pub during: PartScore,

@@ -38,23 +38,30 @@ pub use series::Series;
 pub use trajectory::{Trajectory, TrajectoryRules};
 pub use travelled::Travelled;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// RMS, mean and largest magnitude per axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Axes {
     /// Root mean square.
+    #[schemars(with = "[Option<f64>; 3]")]
     pub rms: [f64; 3],
     /// Mean.
+    #[schemars(with = "[Option<f64>; 3]")]
     pub mean: [f64; 3],
     /// Largest magnitude.
+    #[schemars(with = "[Option<f64>; 3]")]
     pub max: [f64; 3],
     /// The time of the largest magnitude \[s\].
+    #[schemars(with = "[Option<f64>; 3]")]
     pub max_time: [f64; 3],
     /// Mean of the expected 3σ of the errors, from the filter and the reference's own error.
+    #[schemars(with = "[Option<f64>; 3]")]
     pub three_sigma: [f64; 3],
     /// Share of the errors inside this 3σ; 0.997 for a consistent Gaussian filter. NaN for an axis that the filter does
     /// not estimate.
+    #[schemars(with = "[Option<f64>; 3]")]
     pub inside: [f64; 3],
 }
 
@@ -75,7 +82,7 @@ impl Axes {
 }
 
 /// Median and 95 % of the length of an error.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct LengthSpread {
     /// The median over the epochs.
     pub median: f64,
@@ -100,7 +107,7 @@ impl LengthSpread {
 }
 
 /// Median and 95 % of each error.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Spreads {
     /// Length of the position error \[m\].
     pub position: Option<LengthSpread>,
@@ -115,15 +122,17 @@ pub struct Spreads {
 }
 
 /// The result.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, JsonSchema)]
 pub struct Score {
     /// Reference epochs used.
     pub epochs: usize,
     /// Position error, north east down \[m\]; NaN along an axis that the reference does not know.
     pub position: Option<Axes>,
     /// RMS of the horizontal error \[m\]; NaN without a position.
+    #[schemars(with = "Option<f64>")]
     pub horizontal_rms: f64,
     /// Largest horizontal error \[m\]; NaN without a position.
+    #[schemars(with = "Option<f64>")]
     pub horizontal_max: f64,
     /// Median of the horizontal error \[m\].
     pub horizontal_median: Option<f64>,

@@ -12,6 +12,7 @@ use super::comparison::Deviation;
 use fusion_core::math;
 use fusion_core::time::Time;
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Unknowns: l, d, τ.
@@ -25,7 +26,7 @@ const PRIOR: [f64; N] = [10.0, 10.0, 10.0, 100.0, 100.0, 1.0];
 const INDEPENDENT: f64 = 10.0;
 
 /// A constant offset in body axes that was fitted to the position errors.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Offset {
     /// The position of the estimate relative to the reference, forward right down \[m\].
     pub body: [f64; 3],

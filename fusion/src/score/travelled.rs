@@ -12,6 +12,7 @@
 use super::bounded::{Quantiles, Thinned};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::math;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The distance is measured in chords of this length \[m\]: noise of the reference does not count as distance.
@@ -20,7 +21,7 @@ const CHORD: f64 = 5.0;
 const SHORTEST: f64 = 50.0;
 
 /// The largest change of the horizontal position error, in % of the distance travelled.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Travelled {
     /// The distance travelled by the reference since the first scored epoch, in chords of 5 m \[m\].
     pub distance: f64,

@@ -5,7 +5,6 @@ use super::trials::{Part, Score, Trials};
 use fusion::config::Diagnostics;
 use fusion_core::math;
 use nalgebra::{DMatrix, DVector};
-use std::sync::atomic::Ordering;
 
 /// No step changes a parameter by more than e² times.
 const LONGEST: f64 = 2.0;
@@ -160,7 +159,7 @@ pub(super) fn climb(trials: &Trials<'_>, start: Start, progress: &(dyn Fn(u64, f
             (theta, score) = (next, other);
             since += expected;
             gained += gain;
-            progress(trials.runs.load(Ordering::Relaxed), gained);
+            progress(trials.runs(), gained);
             damping = if damping < 1e-2 { 0.0 } else { damping / 10.0 };
         } else if since > 0.0 {
             // The slopes may be those of a place far away.

@@ -26,7 +26,6 @@ use fusion_core::runner::{Event, Halt};
 use fusion_core::state::Layout;
 use fusion_models::sim::SharedCourse;
 use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
 
 /// Why a log does not identify a noise.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,18 +74,9 @@ pub fn hidden(logs: &[Log], tuned: &Tuned, settings: &Settings) -> Result<Vec<Hi
     let mut document = log.document.clone();
     tuned.edits().iter().try_for_each(|edit| document.apply(edit))?;
     let design = Design::read(document.clone())?;
-    let runs = AtomicU64::new(0);
     let factor = |j: usize| tuned.found[j].edit().map_or(1.0, |_| tuned.found[j].factor);
-    let mut trials = Trials {
-        logs: &logs[..1],
-        parameters: tuned.found.iter().map(|found| found.parameter.clone()).collect(),
-        densities: densities(&design),
-        thinning: vec![Vec::new()],
-        from: Vec::new(),
-        replays: Vec::new(),
-        settings,
-        runs: &runs,
-    };
+    let parameters = tuned.found.iter().map(|found| found.parameter.clone()).collect();
+    let mut trials = Trials::new(&logs[..1], parameters, densities(&design), settings);
     let theta: Vec<f64> = (0..tuned.found.len()).map(|j| math::ln(factor(j))).collect();
     trials.fix_rows()?;
     let base = trials.at(&theta)?;

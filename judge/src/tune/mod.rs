@@ -46,12 +46,14 @@ use self::climb::{Point, Start, climb};
 use self::keep::{DOUBT, keep};
 use self::trials::{Part, Score, Trials};
 use crate::likelihood::{densities, densities_of_stages};
+use core::ops::Range;
 use fusion::config::{Diagnostic, Diagnostics, Document, Edit};
 use fusion::design::Design;
 use fusion::run::Options;
 use fusion_core::consistency::chi_square_quantile;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::AtomicBool;
 
 /// A recorded log, or a simulated world, with its design.
 #[derive(Debug)]
@@ -69,7 +71,7 @@ pub struct Settings {
     pub settle: f64,
     /// The number of parts of the log, each judged by what the others give.
     pub folds: usize,
-    /// No iteration begins after this number of runs.
+    /// No iteration of a search begins after this number of its runs.
     pub most_runs: u64,
     /// Innovations are called dependent at this probability of doing so wrongly, for each sensor.
     pub false_refusal: f64,
@@ -83,6 +85,8 @@ pub struct Settings {
     pub cover: Option<f64>,
     /// Designs with values of the parameters from which the search starts too. The best end counts.
     pub starts: Vec<Document>,
+    /// The ends of the searches from all starts, if [`searches`] found them before, perhaps in several processes.
+    pub searched: Vec<Searched>,
     /// When it becomes true, the search ends with the best that it has found.
     pub stop: Option<Arc<AtomicBool>>,
 }
@@ -98,9 +102,19 @@ impl Default for Settings {
             outage: None,
             cover: None,
             starts: Vec::new(),
+            searched: Vec::new(),
             stop: None,
         }
     }
+}
+
+/// The end of a search from one start.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Searched {
+    /// The logarithms of the factors on the declared values.
+    pub theta: Vec<f64>,
+    /// Runs made.
+    pub runs: u64,
 }
 
 /// The result for a parameter.
@@ -219,36 +233,12 @@ impl Tuned {
 /// # Errors
 /// A pattern that selects nothing; mistakes of the designs or their data; a log without innovations.
 pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<Tuned, Diagnostics> {
-    let first = logs.first().ok_or_else(|| Diagnostic::error("there is no log to tune on"))?;
-    let design = Design::read(first.document.clone())?;
-    let parameters = if patterns.is_empty() {
-        Parameter::of_instruments(&design)
-    } else {
-        Parameter::select(&first.document, patterns)?
-    };
-    if parameters.is_empty() {
-        return Err(Diagnostic::error("the design declares no noise that can be tuned").into());
-    }
-    check_starts(&design, &parameters, &settings.starts)?;
-    let runs = AtomicU64::new(0);
-    let mut trials = Trials {
-        logs,
-        parameters,
-        densities: densities(&design),
-        thinning: vec![Vec::new(); logs.len()],
-        from: Vec::new(),
-        replays: Vec::new(),
-        settings,
-        runs: &runs,
-    };
+    let (design, mut trials) = prepare(logs, patterns, settings)?;
     if trials.densities.iter().all(Option::is_none) {
         trials.densities = densities_of_stages(&design);
-        return Ok(Tuned::refused(white::of_stages(&design, &trials)?, runs.into_inner()));
+        return Ok(Tuned::refused(white::of_stages(&design, &trials)?, trials.runs()));
     }
-    let declared = trials.fix_rows()?;
-    if let Some(outage) = &settings.outage {
-        trials.replays = outage::replays(&design, &trials, &declared, outage)?;
-    }
+    trials.fix_rows_and_outages(&design)?;
     let End {
         point,
         mut independence,
@@ -291,10 +281,47 @@ pub fn tune(logs: &[Log], patterns: &[String], settings: &Settings, progress: &(
         coasting,
         losing,
         is_worse_after_outages,
-        runs: runs.load(Ordering::Relaxed),
+        runs: trials.runs(),
         has_converged: point.has_converged,
         independence,
     })
+}
+
+/// The searches of these numbers: number 0 begins at the common factor of all noises, and each further one at the next of
+/// [`Settings::starts`]. With all of them in [`Settings::searched`], [`tune`] has the result of one process.
+///
+/// # Errors
+/// As [`tune`]; no rows to search with.
+pub fn searches(
+    logs: &[Log],
+    patterns: &[String],
+    settings: &Settings,
+    numbers: Range<u64>,
+    progress: &(dyn Fn(u64, f64) + Sync),
+) -> Result<Vec<Searched>, Diagnostics> {
+    let (design, mut trials) = prepare(logs, patterns, settings)?;
+    if trials.densities.iter().all(Option::is_none) {
+        return Err(Diagnostic::error("no sensor has a noise that can be tuned, so there is nothing to search").into());
+    }
+    trials.fix_rows_and_outages(&design)?;
+    numbers.map(|number| searched(&trials, &design, number, progress)).collect()
+}
+
+/// The design, and trials of it.
+fn prepare<'a>(logs: &'a [Log], patterns: &[String], settings: &'a Settings) -> Result<(Design, Trials<'a>), Diagnostics> {
+    let first = logs.first().ok_or_else(|| Diagnostic::error("there is no log to tune on"))?;
+    let design = Design::read(first.document.clone())?;
+    let parameters = if patterns.is_empty() {
+        Parameter::of_instruments(&design)
+    } else {
+        Parameter::select(&first.document, patterns)?
+    };
+    if parameters.is_empty() {
+        return Err(Diagnostic::error("the design declares no noise that can be tuned").into());
+    }
+    check_starts(&design, &parameters, &settings.starts)?;
+    let trials = Trials::new(logs, parameters, densities(&design), settings);
+    Ok((design, trials))
 }
 
 /// Judges by all rows how much the noises overweight them, if the search used a part of them.
@@ -428,19 +455,48 @@ fn check_starts(design: &Design, parameters: &[Parameter], starts: &[Document]) 
 
 /// The best of the starts: the common factor of all noises, or the end of a search from declared starts.
 fn start(trials: &Trials<'_>, design: &Design, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<Vec<f64>, Diagnostics> {
-    let common = vec![nearest(trials)?; trials.parameters.len()];
-    if trials.settings.starts.is_empty() {
-        return Ok(common);
-    }
-    let mut best = highest(trials, common, progress)?;
-    for other in &trials.settings.starts {
-        let of = |parameter: &Parameter| parameter.over_declared(&design.document, other).unwrap_or(0.0);
-        let end = highest(trials, trials.parameters.iter().map(of).collect(), progress)?;
-        if trials.gain(&best.score, &end.score, &all_rows) > 0.0 {
-            best = end;
+    let Settings {
+        starts, searched: known, ..
+    } = trials.settings;
+    let ends = if starts.is_empty() {
+        return Ok(vec![nearest(trials)?; trials.parameters.len()]);
+    } else if known.is_empty() {
+        let numbers = 0..=starts.len() as u64;
+        numbers
+            .map(|number| searched(trials, design, number, progress))
+            .collect::<Result<_, _>>()?
+    } else {
+        trials.count(known.iter().map(|end| end.runs).sum());
+        known.clone()
+    };
+    let mut best: Option<(Score, Vec<f64>)> = None;
+    for Searched { theta, .. } in ends {
+        let score = trials.at(&theta)?;
+        if best.as_ref().is_none_or(|(best, _)| trials.gain(best, &score, &all_rows) > 0.0) {
+            best = Some((score, theta));
         }
     }
-    Ok(best.theta)
+    trials.begin();
+    Ok(best.map(|(_, theta)| theta).unwrap_or_default())
+}
+
+/// The search from the start of this number.
+fn searched(trials: &Trials<'_>, design: &Design, number: u64, progress: &(dyn Fn(u64, f64) + Sync)) -> Result<Searched, Diagnostics> {
+    let before = trials.runs();
+    trials.begin();
+    let other = number
+        .checked_sub(1)
+        .and_then(|k| trials.settings.starts.get(usize::try_from(k).ok()?));
+    let theta = match other {
+        None => vec![nearest(trials)?; trials.parameters.len()],
+        Some(other) => {
+            let of = |parameter: &Parameter| parameter.over_declared(&design.document, other).unwrap_or(0.0);
+            trials.parameters.iter().map(of).collect()
+        }
+    };
+    let theta = highest(trials, theta, progress)?.theta;
+    let runs = trials.runs() - before;
+    Ok(Searched { theta, runs })
 }
 
 /// The common factor of all noises, in steps of three, that explains the innovations best. If all noises are far too

@@ -1,6 +1,6 @@
 //! Runs of the logs with other noises, and the innovations that they give.
 
-use super::outage::Replay;
+use super::outage::{self, Replay};
 use super::record::{Recorder, Rows};
 use super::{Log, Parameter, Settings, white};
 use crate::likelihood::Density;
@@ -91,10 +91,42 @@ pub(super) struct Trials<'a> {
     /// Further runs of the logs, with outages.
     pub(super) replays: Vec<Replay>,
     pub(super) settings: &'a Settings,
-    pub(super) runs: &'a AtomicU64,
+    runs: AtomicU64,
+    /// The number of runs after which the search ends.
+    most_runs: AtomicU64,
 }
 
-impl Trials<'_> {
+impl<'a> Trials<'a> {
+    /// Trials of all rows.
+    pub(super) fn new(logs: &'a [Log], parameters: Vec<Parameter>, densities: Vec<Option<Density>>, settings: &'a Settings) -> Self {
+        Self {
+            logs,
+            parameters,
+            densities,
+            thinning: vec![Vec::new(); logs.len()],
+            from: Vec::new(),
+            replays: Vec::new(),
+            settings,
+            runs: AtomicU64::new(0),
+            most_runs: AtomicU64::new(settings.most_runs),
+        }
+    }
+
+    /// Runs made.
+    pub(super) fn runs(&self) -> u64 {
+        self.runs.load(Ordering::Relaxed)
+    }
+
+    /// Counts runs that were made elsewhere.
+    pub(super) fn count(&self, runs: u64) {
+        self.runs.fetch_add(runs, Ordering::Relaxed);
+    }
+
+    /// Begins a search: the limit of runs is its own.
+    pub(super) fn begin(&self) {
+        self.most_runs.store(self.runs() + self.settings.most_runs, Ordering::Relaxed);
+    }
+
     /// The log of a run.
     pub(super) fn log_of(&self, run: usize) -> usize {
         run.checked_sub(self.logs.len()).map_or(run, |k| self.replays[k].log)
@@ -117,13 +149,22 @@ impl Trials<'_> {
     /// Whether no further step may begin.
     pub(super) fn is_at_its_end(&self) -> bool {
         let is_stopped = self.settings.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed));
-        is_stopped || self.runs.load(Ordering::Relaxed) >= self.settings.most_runs
+        is_stopped || self.runs() >= self.most_runs.load(Ordering::Relaxed)
     }
 
     /// Fixes the rows that count as those after the alignment with the declared noises. Returns the innovations there.
     pub(super) fn fix_rows(&mut self) -> Result<Score, Diagnostics> {
         let declared = self.at(&vec![0.0; self.parameters.len()])?;
         self.from = declared.logs().iter().map(|(_, from)| *from).collect();
+        Ok(declared)
+    }
+
+    /// The same, and adds the runs with outages.
+    pub(super) fn fix_rows_and_outages(&mut self, design: &Design) -> Result<Score, Diagnostics> {
+        let declared = self.fix_rows()?;
+        if let Some(outage) = &self.settings.outage {
+            self.replays = outage::replays(design, self, &declared, outage)?;
+        }
         Ok(declared)
     }
 
@@ -157,7 +198,7 @@ impl Trials<'_> {
         let design = Design::read(document)?;
         let mut recorder = Recorder::new(&design, &self.densities, replay.map(|replay| replay.duration));
         let summary = run_sharing(&design, &own.options, &SharedCourse::default(), &mut [&mut recorder])?;
-        self.runs.fetch_add(1, Ordering::Relaxed);
+        self.count(1);
         if let Some(from) = self.from.get(self.log_of(run)) {
             return Ok((recorder.sensors, *from));
         }

@@ -5,10 +5,11 @@ use fusion_core::Time;
 use fusion_core::geometry::so3::wrap_angle;
 use fusion_core::math;
 use nalgebra::Vector2;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One task as it was carried out. Errors are true minus wanted.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Leg {
     /// The task.
     pub name: String,
@@ -25,7 +26,7 @@ pub struct Leg {
 }
 
 /// Errors over a leg.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Errors {
     /// Root of the mean square.
     pub rms: f64,
@@ -36,7 +37,7 @@ pub struct Errors {
 }
 
 /// Errors of a heading over a leg \[rad\].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct HeadingErrors {
     /// The heading wanted at last.
     pub wanted: f64,
@@ -136,7 +137,7 @@ impl Running {
 }
 
 /// A mission as it was carried out.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Record {
     /// The tasks, in order.
     pub legs: Vec<Leg>,

@@ -27,6 +27,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
+    from . import plot, types
+
 __all__ = [
     "Campaign",
     "DataError",
@@ -40,14 +42,15 @@ __all__ = [
     "merge",
     "plot",
     "sensor",
+    "types",
     "__version__",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    # matplotlib is imported with the plots, not with the package.
-    if name == "plot":
+    # matplotlib is imported with the plots, and the types when they are wanted: not with the package.
+    if name in ("plot", "types"):
         from importlib import import_module
 
-        return import_module("fusion.plot")
+        return import_module(f"fusion.{name}")
     raise AttributeError(f"module 'fusion' has no attribute {name!r}")

@@ -15,8 +15,15 @@ from ._rows import columns
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable, Iterable
-    from typing import Any
+    from collections.abc import Callable, Iterable, Sequence
+    from typing import Any, Union
+
+    from numpy.typing import NDArray
+
+    from .types import DesignTable
+
+    Setting = Union[bool, float, str, Sequence["Setting"], NDArray[Any]]
+    Changes = Union[Mapping[str, Setting], DesignTable]
 
 
 class Design:
@@ -31,7 +38,9 @@ class Design:
     backend
         A backend in place of the table ``[filter]``: ``"ekf"``, ``"error_state"``, ``"iekf"`` and others.
     set
-        Single values by their paths: ``{"sensor.gnss.noise": "2 m"}``. Units as in TOML; a number without unit is SI.
+        Single values by their paths, ``{"sensor.gnss.noise": "2 m"}``, or as tables, ``{"sensor": {"gnss": {"noise": "2 m"}}}``,
+        whose keys type checkers know (`fusion.types.DesignTable`). Units as in TOML; a number without unit is SI. A table with
+        a ``type`` replaces its block.
     data
         Where relative paths of sources start, instead of at the folder of the file.
 
@@ -47,13 +56,13 @@ class Design:
         *,
         variant: str | Iterable[str] = (),
         backend: str | None = None,
-        set: Mapping[str, Any] | None = None,
+        set: Changes | None = None,
         data: str | os.PathLike[str] | None = None,
     ):
         is_text = isinstance(design, str) and "\n" in design
         path, text = (".", str(design)) if is_text else (fspath(design), None)
         variants = [variant] if isinstance(variant, str) else list(variant)
-        edits = [f"{key}={_toml(value)}" for key, value in (set or {}).items()]
+        edits = _edits(set or {})
         self._native = _fusion.Design(path, text, variants, backend, edits, None if data is None else fspath(data))
 
     @classmethod
@@ -95,11 +104,10 @@ class Design:
         """A fingerprint of the design with its changes. Equal ones give equal results."""
         return self._native.hash
 
-    def with_changes(self, set: Mapping[str, Any]) -> Design:
+    def with_changes(self, set: Changes) -> Design:
         """The same design with further values, as the argument ``set`` of the constructor."""
         path, text, variants, backend, edits, data = self._native.arguments()
-        edits = edits + [f"{key}={_toml(value)}" for key, value in set.items()]
-        return Design._of(path, text, variants, backend, edits, data)
+        return Design._of(path, text, variants, backend, edits + _edits(set), data)
 
     def run(
         self,
@@ -198,6 +206,8 @@ class Design:
         settle: float = 0.0,
         folds: int = 4,
         most_runs: int = 1000,
+        starts: Iterable[Changes] = (),
+        executor: Any = None,
     ) -> Tuned:
         """Finds noises under which the innovations are most probable. It needs no reference.
 
@@ -213,11 +223,22 @@ class Design:
         folds
             Parts of each log, each judged by what the others give.
         most_runs
-            No iteration begins after this number of runs.
+            No iteration of a search begins after this number of its runs.
+        starts
+            Other values of the noises, as the argument ``set``, from which the search begins too. The best end counts.
+        executor
+            Any executor of ``concurrent.futures``, or a client of Dask: the searches from the starts run in parallel.
         """
         logs = [rows or {}] if rows is None or isinstance(rows, Mapping) else list(rows)
         tables = [{name: columns(name, table) for name, table in log.items()} for log in logs]
-        return Tuned(self, self._native.tune(list(params), tables, settle, folds, most_runs))
+        params, others = list(params), [self.with_changes(start) for start in starts]
+        searched = []
+        if executor is not None and others:
+            work = (self, params, tables, settle, most_runs, others)
+            futures = [executor.submit(_search, *work, number) for number in range(len(others) + 1)]
+            searched = [end for future in futures for end in future.result()]
+        natives = [other._native for other in others]
+        return Tuned(self, self._native.tune(params, tables, settle, folds, most_runs, natives, searched))
 
     def __repr__(self) -> str:
         path, text, *_ = self._native.arguments()
@@ -271,12 +292,30 @@ class Tuned:
         return "<fusion.Tuned\n  " + "\n  ".join(rows) + f"\n  gain {self.gain:.1f} nats on hidden parts>"
 
 
+def _search(
+    design: Design, params: list[str], tables: Any, settle: float, most_runs: int, starts: list[Design], number: int
+) -> list[tuple[list[float], int]]:
+    """The end of the search from one start: the work of one worker."""
+    return design._native.search(params, tables, settle, most_runs, [start._native for start in starts], number)
+
+
 def _again(*arguments: Any) -> Design:
     return Design._of(*arguments)
 
 
 def _nothing() -> None:
     pass
+
+
+def _edits(changes: Mapping[str, Any], above: str = "") -> list[str]:
+    """Single values, `path=value` in TOML."""
+    edits = []
+    for key, value in changes.items():
+        path = f"{above}{key}"
+        # A table of names or of keys goes on; a block is written whole.
+        is_table = isinstance(value, Mapping) and "." not in key and "type" not in value
+        edits += _edits(value, f"{path}.") if is_table else [f"{path}={_toml(value)}"]
+    return edits
 
 
 def _toml(value: Any) -> str:

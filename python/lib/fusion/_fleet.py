@@ -74,7 +74,7 @@ def judge(design: Design, log: str, data: Any) -> dict[str, Any]:
             result = design.run(data)
     except (_fusion.FusionError, OSError, TypeError, ValueError) as error:
         return {**row, "error": str(error).strip()}
-    summary, score = result.summary, result.score or {}
+    score: Mapping[str, Any] = result.score or {}
     position = (score.get("position") or {}).get("rms") or [None, None, None]
     figures = {
         "epochs": len(result.estimates),
@@ -88,8 +88,8 @@ def judge(design: Design, log: str, data: Any) -> dict[str, Any]:
     for name in ("position", "velocity", "attitude"):
         nees = score.get(f"nees_{name}")
         figures[f"nees_{name}"] = nees["mean"] / nees["dof"] if nees else None
-    for sensor in summary.get("sensors") or []:
-        nis = sensor.get("nis")
+    for sensor in result.summary["sensors"]:
+        nis = sensor["nis"]
         figures[f"nis_{sensor['name']}"] = nis["mean"] / nis["dof"] if nis else None
     state = result.health[-1][1] if result.health else None
     return {**row, **figures, "health": state, "findings": len(result.findings)}

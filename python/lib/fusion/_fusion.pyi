@@ -60,7 +60,19 @@ class Design:
         self, rows: _Rows, seed: int | None, smooth: str | None, out: str | None, tick: Callable[[], object]
     ) -> Finished: ...
     def montecarlo(self, from_: int, to: int, seed: int, threads: int) -> Campaign: ...
-    def tune(self, params: list[str], logs: list[_Rows], settle: float, folds: int, most_runs: int) -> Tuned: ...
+    def tune(
+        self,
+        params: list[str],
+        logs: list[_Rows],
+        settle: float,
+        folds: int,
+        most_runs: int,
+        starts: list[Design],
+        searched: list[tuple[list[float], int]],
+    ) -> Tuned: ...
+    def search(
+        self, params: list[str], logs: list[_Rows], settle: float, most_runs: int, starts: list[Design], number: int
+    ) -> list[tuple[list[float], int]]: ...
 
 @final
 class Finished:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from . import _fusion
+    from .types import Summary, SummaryFinding, SummaryScore
 
     Array = NDArray[np.float64]
 
@@ -232,7 +233,8 @@ class Result:
         import json
 
         self._native = native
-        self.summary: dict[str, Any] = json.loads(native.summary())
+        #: The result as summary.json has it. `fusion.types.Summary` knows the keys of built-in sections.
+        self.summary: Summary = json.loads(native.summary())
         taken = native.take()
         if taken is None:
             raise ValueError("the arrays of this run were taken before")
@@ -254,12 +256,12 @@ class Result:
         return self.estimates.sigma
 
     @property
-    def score(self) -> dict[str, Any] | None:
+    def score(self) -> SummaryScore | None:
         """The score against the reference, as summary.json has it."""
         return self.summary.get("score")
 
     @property
-    def findings(self) -> list[dict[str, Any]]:
+    def findings(self) -> list[SummaryFinding]:
         """The findings of advice: rule, subject, evidence, advice, edits."""
         return self.summary.get("findings") or []
 
@@ -286,8 +288,7 @@ class Result:
         return self.page(whole=False)
 
     def __repr__(self) -> str:
-        score = self.score or {}
-        rms = score.get("horizontal_rms")
+        rms = None if self.score is None else self.score["horizontal_rms"]
         told = "" if rms is None else f", horizontal RMS {rms:.3g} m"
         return f"<fusion.Result: {len(self.estimates)} estimates, {len(self.innovations)} sensors{told}>"
 

@@ -32,6 +32,7 @@ use fusion_core::time::Time;
 use fusion_models::earth::frames::{LocalFrame, rotation_en};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use relative::steps;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Without declared distances: the largest powers of ten that fit this often into the path, and how many of them are
@@ -51,7 +52,7 @@ pub struct TrajectoryRules {
 }
 
 /// Absolute and relative errors of a trajectory.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Trajectory {
     /// Poses compared.
     pub poses: usize,
@@ -70,7 +71,7 @@ pub struct Trajectory {
 }
 
 /// Absolute trajectory error after an alignment.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct AbsoluteError {
     /// The alignment used.
     pub align: Alignment,
@@ -81,7 +82,7 @@ pub struct AbsoluteError {
 }
 
 /// Relative pose error over a distance.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct RelativeError {
     /// The distance \[m\].
     pub distance: f64,

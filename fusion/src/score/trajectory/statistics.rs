@@ -1,10 +1,11 @@
 //! Statistics of non-negative errors.
 
 use fusion_core::math;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Statistics of errors.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Statistics {
     /// The number of errors.
     pub count: usize,
