@@ -3,6 +3,8 @@
 //! A *spec* is plain data read from TOML. [`SensorSpec::build`] and its siblings turn it into the
 //! runtime object of `fusion-core`, resolving the quantities it reads through [`Build`].
 
+#![cfg(feature = "declare")]
+
 pub use crate::channel::{Channel, Shape};
 pub use crate::error::BuildError;
 
@@ -63,6 +65,11 @@ where
     let blocks = Vec::<NestedBlock<T>>::deserialize(deserializer)?;
     Ok(blocks.into_iter().map(|block| block.0).collect())
 }
+
+/// Axes of rows resolved in navigation axes.
+pub(crate) const NED: &[&str] = &["north", "east", "down"];
+/// Axes of rows resolved in the axes of a body or sensor.
+pub(crate) const XYZ: &[&str] = &["x", "y", "z"];
 
 /// The channels of an inertial measurement unit.
 #[must_use]

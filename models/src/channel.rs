@@ -1,5 +1,7 @@
 //! Channels: named groups of numbers in the rows of a stream.
 
+#![cfg(feature = "declare")]
+
 use crate::units::{Dimension, Dimensional, dim};
 use std::borrow::Cow;
 

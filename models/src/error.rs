@@ -1,5 +1,7 @@
 //! Why a block could not be built.
 
+#![cfg(feature = "declare")]
+
 use crate::units::UnitError;
 use fusion_core::state::LayoutError;
 use thiserror::Error;

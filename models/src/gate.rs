@@ -1,5 +1,7 @@
 //! Gate policies as TOML declares them.
 
+#![cfg(feature = "declare")]
+
 use crate::block::{BuildError, GateSpec};
 use crate::units::{AnyQuantity, Dimension, Dimensional, NonNegative, Positive, Probability, UnitError, dim, range};
 use fusion_core::gate::{Ellipse, FalseTracks, Gate, Hypotheses, Magnitude, Nis, Open, Recovery, TwoCondition, TwoConditions};

@@ -1,8 +1,8 @@
 //! The blocks of the fusion framework: processes, sensors, stages, initialisers, gates, losses and simulated
 //! worlds, as they are declared in TOML.
 //!
-//! A block is one file: its equation with the source at the head, a *spec* (the TOML fields), a model of `fusion-core`
-//! (reads quantities, writes Jacobian blocks) and its tests. `fusion blocks NAME` shows a block. In Rust it is read and
+//! A block is one file: its equation with the source at the head, a model of `fusion-core` (reads quantities, writes
+//! Jacobian blocks), a *spec* (the TOML fields) and its tests. `fusion blocks NAME` shows a block. In Rust it is read and
 //! built as below, and [`testing::check`] tests it against the laws of its role.
 //!
 //! # Equations
@@ -97,9 +97,16 @@
 //! | [`plausible`], [`spelling`] | impossible values; suggestions for misspelt names |
 //! | [`testing`] | the laws, for blocks of this crate and of others |
 //!
+//! Without the feature `declare` the crate needs no `std`, and has the runtime models, [`earth`] and
+//! [`vocabulary::state`] only: what a program for a microcontroller links.
+//!
 //! Not here: no block knows an estimator, a covariance or a state index, and no block reads a file.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+#![cfg_attr(not(feature = "declare"), no_std)]
+
+#[cfg_attr(not(feature = "declare"), macro_use)]
+extern crate alloc;
 
 pub mod block;
 mod channel;
@@ -123,8 +130,8 @@ pub mod units;
 pub mod vocabulary;
 
 pub use fusion_core;
-pub use inventory;
-pub use schemars;
+#[cfg(feature = "declare")]
+pub use {inventory, schemars};
 
 /// Links the blocks of this crate into a program; call it once, so that the linker keeps them.
 pub fn link() {}

@@ -1,5 +1,7 @@
 //! Robust losses as TOML declares them.
 
+#![cfg(feature = "declare")]
+
 use crate::block::{BuildError, LossSpec};
 use crate::units::{Positive, dim};
 use fusion_core::loss::{Cauchy, Huber, Loss, Quadratic, StudentT};

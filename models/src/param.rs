@@ -9,6 +9,8 @@
 //! lever_arm = { shared = "gnss_position.lever_arm" }                              # another block's state
 //! ```
 
+#![cfg(feature = "declare")]
+
 use crate::error::BuildError;
 use crate::units::{Angle, Axes, Dimension, Dimensional, NonNegative, PerAxis, Positive, Quantity, QuantityKind, Vec3Of, dim, range};
 use core::f64::consts::TAU;

@@ -3,6 +3,8 @@
 //! The limits are far beyond any vehicle; the user declares a sensor's own range separately. Values that are not finite
 //! are left to the users of the numbers: the other numbers of the row may be good.
 
+#![cfg(feature = "declare")]
+
 use crate::block::Shape;
 use crate::units::{Dimension, Dimensional, dim};
 use nalgebra::Vector4;

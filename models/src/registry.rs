@@ -3,6 +3,8 @@
 //! typetag turns a `type` name into a spec. This table also knows every name, its fields and an example. A block
 //! registers itself with [`register!`](crate::register) in its own file.
 
+#![cfg(feature = "declare")]
+
 use schemars::Schema;
 use serde::de::DeserializeOwned;
 use std::sync::LazyLock;

@@ -1,6 +1,8 @@
 //! Seeds of everything random: functions of the run's seed and a name, the same on every machine
 //! and for ever.
 
+#![cfg(feature = "declare")]
+
 /// The seed of something named, from the seed of the run: FNV-1a over the run's seed and the
 /// names, each closed by a byte that no name contains, then mixed. Fixed for ever.
 #[must_use]

@@ -1,5 +1,7 @@
 //! The name that was probably meant by an unknown name.
 
+#![cfg(feature = "declare")]
+
 /// The candidate that was probably meant by `word`. A third of the letters may differ, case does not count, and a
 /// beginning of three letters is enough.
 #[must_use]

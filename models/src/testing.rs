@@ -3,6 +3,8 @@
 //! Each block is built from its own example. So a block that is registered later, in this crate or in another, is
 //! tested too: a test there calls [`check`] for its blocks. An error names block, process, state and element.
 
+#![cfg(feature = "declare")]
+
 mod drive;
 mod fault;
 mod initialiser;

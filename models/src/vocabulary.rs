@@ -55,6 +55,7 @@ pub mod parameter {
 }
 
 /// Channels of streams: name, width, dimension and shape.
+#[cfg(feature = "declare")]
 pub mod channel {
     use super::state;
     use crate::channel::Channel;

@@ -21,6 +21,9 @@ use fusion_core::geometry::wgs84::{
 use fusion_core::math;
 use nalgebra::Vector3;
 
+/// Standard gravity g₀ \[m/s²\], exact by definition (CGPM 1901).
+pub const STANDARD_GRAVITY: f64 = 9.80665;
+
 /// Which formula gives the magnitude of gravity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Gravity {

@@ -5,7 +5,6 @@
 //!            degree 12. Its 1σ is 0.2 to 0.4° of declination, more near the magnetic poles
 //! Not here   the crust, buildings, solar storms
 
-use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::math;
 use nalgebra::Vector3;
 
@@ -45,7 +44,7 @@ impl EarthField {
 /// # Errors
 /// A message: an invalid day, or a day or place outside the model.
 #[cfg(feature = "wmm")]
-pub fn world_model(place: &Geodetic, day: &str) -> Result<EarthField, String> {
+pub fn world_model(place: &fusion_core::geometry::wgs84::Geodetic, day: &str) -> Result<EarthField, String> {
     use world_magnetic_model::GeomagneticField;
     use world_magnetic_model::time::{Date, Month};
     use world_magnetic_model::uom::si::f32::{Angle, Length};
@@ -78,8 +77,8 @@ pub fn world_model(place: &Geodetic, day: &str) -> Result<EarthField, String> {
 ///
 /// # Errors
 /// Always.
-#[cfg(not(feature = "wmm"))]
-pub fn world_model(_: &Geodetic, _: &str) -> Result<EarthField, String> {
+#[cfg(all(feature = "declare", not(feature = "wmm")))]
+pub fn world_model(_: &fusion_core::geometry::wgs84::Geodetic, _: &str) -> Result<EarthField, String> {
     Err("this program was built without the World Magnetic Model: build it with `--features wmm`, or declare `strength`, `inclination` and `declination`".to_owned())
 }
 

@@ -10,5 +10,5 @@ pub mod rates;
 pub mod utm;
 
 pub use frames::LocalFrame;
-pub use gravity::Gravity;
+pub use gravity::{Gravity, STANDARD_GRAVITY};
 pub use rates::{LocalEarth, SPEED_OF_LIGHT};

@@ -11,6 +11,8 @@
 //!            body axes; everything else in its own unit
 //! Not here   faults that depend on the truth
 
+#![cfg(feature = "declare")]
+
 mod clock_jump;
 mod duplicate;
 mod frozen;

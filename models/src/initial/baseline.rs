@@ -4,79 +4,18 @@
 //! Valid for a vehicle that has driven forward and about straight over that line.
 
 use super::write_yaw;
-use crate::block::{Build, BuildError, InitialiserSpec, Listen};
-use crate::units::{NonNegative, Positive, dim};
-use crate::vocabulary::{channel, state};
+use alloc::collections::VecDeque;
+use alloc::string::String;
 use fusion_core::belief::Belief;
 use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::math;
-use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, Manifold};
 use fusion_core::time::Time;
-use schemars::JsonSchema;
-use serde::Deserialize;
-use std::collections::VecDeque;
+use fusion_core::{math, memory};
 
-/// Heading from the line between two fixes, for receivers that report no velocity.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct BaselineSpec {
-    /// A stream with a `position` channel, or with `horizontal_position` where `horizontal` says so.
-    source: String,
-    /// Reads `horizontal_position`: fixes without a height.
-    #[serde(default)]
-    horizontal: bool,
-    /// Smallest distance between the two fixes.
-    min_distance: Positive<dim::Length>,
-    /// Largest time between the two fixes.
-    max_age: Positive<dim::Duration>,
-    /// 1σ of the heading that it gives.
-    sigma: NonNegative<dim::Angle>,
-}
-
-crate::register!(
-    Initialiser,
-    "baseline",
-    BaselineSpec,
-    r#"
-source = "gnss"
-min_distance = "4 m"
-max_age = "15 s"
-sigma = "12 deg"
-"#
-);
-
-#[typetag::deserialize(name = "baseline")]
-impl InitialiserSpec for BaselineSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        vec![Listen {
-            source: self.source.clone(),
-            channels: vec![if self.horizontal {
-                channel::HORIZONTAL_POSITION
-            } else {
-                channel::POSITION
-            }],
-        }]
-    }
-
-    fn writes(&self) -> Vec<&'static str> {
-        vec![state::HEADING.as_str()]
-    }
-
-    fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
-        Ok(Box::new(Baseline {
-            min_distance: self.min_distance.si(),
-            max_age: self.max_age.si(),
-            sigma: self.sigma.si(),
-            fixes: VecDeque::new(),
-            yaw: None,
-        }))
-    }
-}
-
+/// The runtime initialiser.
 #[derive(Clone, Debug)]
-struct Baseline {
+pub struct Baseline {
     min_distance: f64,
     max_age: f64,
     sigma: f64,
@@ -108,6 +47,76 @@ impl Initialiser for Baseline {
     fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
         if let Some(yaw) = self.yaw {
             write_yaw(layout, belief, yaw, self.sigma);
+        }
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+    use crate::units::{NonNegative, Positive, dim};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Heading from the line between two fixes, for receivers that report no velocity.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct BaselineSpec {
+        /// A stream with a `position` channel, or with `horizontal_position` where `horizontal` says so.
+        source: String,
+        /// Reads `horizontal_position`: fixes without a height.
+        #[serde(default)]
+        horizontal: bool,
+        /// Smallest distance between the two fixes.
+        min_distance: Positive<dim::Length>,
+        /// Largest time between the two fixes.
+        max_age: Positive<dim::Duration>,
+        /// 1σ of the heading that it gives.
+        sigma: NonNegative<dim::Angle>,
+    }
+
+    crate::register!(
+        Initialiser,
+        "baseline",
+        BaselineSpec,
+        r#"
+source = "gnss"
+min_distance = "4 m"
+max_age = "15 s"
+sigma = "12 deg"
+"#
+    );
+
+    #[typetag::deserialize(name = "baseline")]
+    impl InitialiserSpec for BaselineSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            vec![Listen {
+                source: self.source.clone(),
+                channels: vec![if self.horizontal {
+                    channel::HORIZONTAL_POSITION
+                } else {
+                    channel::POSITION
+                }],
+            }]
+        }
+
+        fn writes(&self) -> Vec<&'static str> {
+            vec![state::HEADING.as_str()]
+        }
+
+        fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+            Ok(Box::new(Baseline {
+                min_distance: self.min_distance.si(),
+                max_age: self.max_age.si(),
+                sigma: self.sigma.si(),
+                fixes: VecDeque::new(),
+                yaw: None,
+            }))
         }
     }
 }

@@ -4,78 +4,17 @@
 //! earlier in the file, roll and pitch are those it found. Valid while the body keeps its heading.
 
 use super::write_yaw;
-use crate::block::{Build, BuildError, InitialiserSpec, Listen};
-use crate::units::{self, NonNegative, Positive, dim};
-use crate::vocabulary::{channel, state};
+use alloc::collections::VecDeque;
+use alloc::string::String;
 use fusion_core::belief::Belief;
-use fusion_core::math;
-use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, wrap};
 use fusion_core::time::Time;
-use schemars::JsonSchema;
-use serde::Deserialize;
-use std::collections::VecDeque;
+use fusion_core::{math, memory};
 
-/// Heading from a compass, averaged.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CompassSpec {
-    /// A stream with a `heading` channel: a compass, the stage `compass`, an attitude filter.
-    source: String,
-    /// 1σ of the heading that it gives, correlated errors included.
-    sigma: NonNegative<dim::Angle>,
-    /// Where the compass's north lies clockwise from true north: the magnetic declination.
-    #[serde(default)]
-    declination: units::Angle,
-    /// How long headings are averaged.
-    #[serde(default = "one_second")]
-    duration: Positive<dim::Duration>,
-}
-
-fn one_second() -> Positive<dim::Duration> {
-    Positive::try_from_si(1.0).unwrap_or_else(|_| unreachable!("one is positive"))
-}
-
-crate::register!(
-    Initialiser,
-    "compass",
-    CompassSpec,
-    r#"
-source = "compass"
-sigma = "3 deg"
-declination = "-8 deg"
-duration = "1 s"
-"#
-);
-
-#[typetag::deserialize(name = "compass")]
-impl InitialiserSpec for CompassSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        let heading = channel::HEADING;
-        vec![Listen {
-            source: self.source.clone(),
-            channels: vec![heading],
-        }]
-    }
-
-    fn writes(&self) -> Vec<&'static str> {
-        vec![state::HEADING.as_str()]
-    }
-
-    fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
-        Ok(Box::new(Compass {
-            sigma: self.sigma.si(),
-            declination: self.declination.si(),
-            duration: self.duration.si(),
-            since: None,
-            headings: VecDeque::new(),
-        }))
-    }
-}
-
+/// The runtime initialiser.
 #[derive(Clone, Debug)]
-struct Compass {
+pub struct Compass {
     sigma: f64,
     declination: f64,
     duration: f64,
@@ -118,6 +57,76 @@ impl Initialiser for Compass {
     fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
         if !self.headings.is_empty() {
             write_yaw(layout, belief, self.heading(), self.sigma);
+        }
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+    use crate::units::{self, NonNegative, Positive, dim};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Heading from a compass, averaged.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct CompassSpec {
+        /// A stream with a `heading` channel: a compass, the stage `compass`, an attitude filter.
+        source: String,
+        /// 1σ of the heading that it gives, correlated errors included.
+        sigma: NonNegative<dim::Angle>,
+        /// Where the compass's north lies clockwise from true north: the magnetic declination.
+        #[serde(default)]
+        declination: units::Angle,
+        /// How long headings are averaged.
+        #[serde(default = "one_second")]
+        duration: Positive<dim::Duration>,
+    }
+
+    fn one_second() -> Positive<dim::Duration> {
+        Positive::try_from_si(1.0).unwrap_or_else(|_| unreachable!("one is positive"))
+    }
+
+    crate::register!(
+        Initialiser,
+        "compass",
+        CompassSpec,
+        r#"
+source = "compass"
+sigma = "3 deg"
+declination = "-8 deg"
+duration = "1 s"
+"#
+    );
+
+    #[typetag::deserialize(name = "compass")]
+    impl InitialiserSpec for CompassSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            let heading = channel::HEADING;
+            vec![Listen {
+                source: self.source.clone(),
+                channels: vec![heading],
+            }]
+        }
+
+        fn writes(&self) -> Vec<&'static str> {
+            vec![state::HEADING.as_str()]
+        }
+
+        fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+            Ok(Box::new(Compass {
+                sigma: self.sigma.si(),
+                declination: self.declination.si(),
+                duration: self.duration.si(),
+                since: None,
+                headings: VecDeque::new(),
+            }))
         }
     }
 }

@@ -4,80 +4,16 @@
 //! vehicle that drives forward without side slip; a boat in a current needs a compass.
 
 use super::write_yaw;
-use crate::block::{Build, BuildError, InitialiserSpec, Listen};
-use crate::units::{Angle, NonNegative, Positive, dim};
-use crate::vocabulary::{channel, state};
+use alloc::string::String;
 use fusion_core::belief::Belief;
-use fusion_core::math;
-use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, wrap};
 use fusion_core::time::Time;
-use schemars::JsonSchema;
-use serde::Deserialize;
+use fusion_core::{math, memory};
 
-/// Heading from the GNSS course, once the vehicle moves forward fast enough.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CourseSpec {
-    /// A stream with a `velocity` channel, north east down, or with `horizontal_velocity` if `horizontal` is true.
-    source: String,
-    /// Reads `horizontal_velocity`, for a receiver that does not measure the vertical velocity.
-    #[serde(default)]
-    horizontal: bool,
-    /// Smallest horizontal speed at which the course is used.
-    min_speed: Positive<dim::Speed>,
-    /// 1σ of the resulting heading.
-    sigma: NonNegative<dim::Angle>,
-    /// Yaw of the vehicle's forward axis in the body frame.
-    #[serde(default)]
-    mounting_yaw: Angle,
-}
-
-crate::register!(
-    Initialiser,
-    "course",
-    CourseSpec,
-    r#"
-source = "gnss"
-min_speed = "3 m/s"
-sigma = "8 deg"
-mounting_yaw = "0 deg"
-"#
-);
-
-#[typetag::deserialize(name = "course")]
-impl InitialiserSpec for CourseSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        let velocity = if self.horizontal {
-            channel::HORIZONTAL_VELOCITY
-        } else {
-            channel::VELOCITY
-        };
-        vec![Listen {
-            source: self.source.clone(),
-            channels: vec![velocity],
-        }]
-    }
-
-    fn writes(&self) -> Vec<&'static str> {
-        vec![state::HEADING.as_str()]
-    }
-
-    fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
-        let (min_speed, sigma) = (self.min_speed.si(), self.sigma.si());
-        Ok(Box::new(Course {
-            min_speed,
-            sigma,
-            mounting_yaw: self.mounting_yaw.si(),
-            yaw: None,
-            fastest: 0.0,
-        }))
-    }
-}
-
+/// The runtime initialiser.
 #[derive(Clone, Debug)]
-struct Course {
+pub struct Course {
     min_speed: f64,
     sigma: f64,
     mounting_yaw: f64,
@@ -114,6 +50,79 @@ impl Initialiser for Course {
     fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
         if let Some(yaw) = self.yaw {
             write_yaw(layout, belief, yaw, self.sigma);
+        }
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+    use crate::units::{Angle, NonNegative, Positive, dim};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Heading from the GNSS course, once the vehicle moves forward fast enough.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct CourseSpec {
+        /// A stream with a `velocity` channel, north east down, or with `horizontal_velocity` if `horizontal` is true.
+        source: String,
+        /// Reads `horizontal_velocity`, for a receiver that does not measure the vertical velocity.
+        #[serde(default)]
+        horizontal: bool,
+        /// Smallest horizontal speed at which the course is used.
+        min_speed: Positive<dim::Speed>,
+        /// 1σ of the resulting heading.
+        sigma: NonNegative<dim::Angle>,
+        /// Yaw of the vehicle's forward axis in the body frame.
+        #[serde(default)]
+        mounting_yaw: Angle,
+    }
+
+    crate::register!(
+        Initialiser,
+        "course",
+        CourseSpec,
+        r#"
+source = "gnss"
+min_speed = "3 m/s"
+sigma = "8 deg"
+mounting_yaw = "0 deg"
+"#
+    );
+
+    #[typetag::deserialize(name = "course")]
+    impl InitialiserSpec for CourseSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            let velocity = if self.horizontal {
+                channel::HORIZONTAL_VELOCITY
+            } else {
+                channel::VELOCITY
+            };
+            vec![Listen {
+                source: self.source.clone(),
+                channels: vec![velocity],
+            }]
+        }
+
+        fn writes(&self) -> Vec<&'static str> {
+            vec![state::HEADING.as_str()]
+        }
+
+        fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+            let (min_speed, sigma) = (self.min_speed.si(), self.sigma.si());
+            Ok(Box::new(Course {
+                min_speed,
+                sigma,
+                mounting_yaw: self.mounting_yaw.si(),
+                yaw: None,
+                fastest: 0.0,
+            }))
         }
     }
 }

@@ -1,118 +1,22 @@
 //! Initial values written in the file.
 
 use super::{write_attitude, write_position, write_velocity, write_yaw};
-use crate::block::{Build, BuildError, InitialiserSpec, Listen};
-use crate::param::Rpy;
-use crate::units::{Angle, Axes, NonNegative, Place, Vec3Of, dim, range};
-use crate::vocabulary::state;
+use alloc::string::String;
 use fusion_core::belief::Belief;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::Layout;
 use fusion_core::time::Time;
-use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
+use nalgebra::{UnitQuaternion, Vector3};
 
-/// Initial values written in the file: any of position, velocity, attitude or heading, each with
-/// its 1σ.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ExplicitSpec {
-    /// Initial position; without it the origin where `position_sigma` is given.
-    position: Option<Place>,
-    /// 1σ north, east, down.
-    position_sigma: Option<Axes<dim::Length, range::NonNegative>>,
-    /// Initial velocity north, east, down, given with `velocity_sigma`.
-    velocity: Option<Vec3Of<dim::Speed>>,
-    /// 1σ north, east, down.
-    velocity_sigma: Option<Axes<dim::Speed, range::NonNegative>>,
-    /// Initial roll, pitch, yaw.
-    attitude: Option<Rpy>,
-    /// 1σ about the body axes.
-    attitude_sigma: Option<Axes<dim::Angle, range::NonNegative>>,
-    /// Initial heading alone; roll and pitch as other initialisers find them.
-    heading: Option<Angle>,
-    /// 1σ of the heading.
-    heading_sigma: Option<NonNegative<dim::Angle>>,
-}
-
-crate::register!(
-    Initialiser,
-    "explicit",
-    ExplicitSpec,
-    r#"
-position = { latitude = "36.098 deg", longitude = "129.45 deg", height = "10 m" }
-position_sigma = ["2 m", "2 m", "3 m"]
-velocity = [0, 0, 0]
-velocity_sigma = "0.1 m/s"
-attitude = [0, 0, "30 deg"]
-attitude_sigma = ["0.1 deg", "0.1 deg", "1 deg"]
-"#
-);
-
-#[typetag::deserialize(name = "explicit")]
-impl InitialiserSpec for ExplicitSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        Vec::new()
-    }
-
-    fn writes(&self) -> Vec<&'static str> {
-        let mut blocks = Vec::new();
-        if self.position_sigma.is_some() {
-            blocks.extend([state::POSITION.as_str(), state::LOCAL_POSITION.as_str()]);
-        }
-        if self.velocity_sigma.is_some() {
-            blocks.extend([state::VELOCITY.as_str(), state::SPEED.as_str()]);
-        }
-        if self.attitude_sigma.is_some() {
-            blocks.push(state::ATTITUDE.as_str());
-        }
-        if self.heading_sigma.is_some() {
-            blocks.push(state::HEADING.as_str());
-        }
-        blocks
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
-        let sigma = |what: &str, given: bool, sigma: bool| match (given, sigma) {
-            (true, false) => Err(BuildError::new(format!("`{what}` is given without `{what}_sigma`, its 1σ"))),
-            // A place has the origin for a default; nothing says how fast or which way the body starts.
-            (false, true) if what != "position" => {
-                let message = format!("`{what}_sigma` is given without `{what}`, the value that it is the 1σ of");
-                Err(BuildError::at(format!("{what}_sigma"), message).help(format!("add `{what}`: zeros, if that is what it starts from")))
-            }
-            _ => Ok(()),
-        };
-        sigma("position", self.position.is_some(), self.position_sigma.is_some())?;
-        sigma("velocity", self.velocity.is_some(), self.velocity_sigma.is_some())?;
-        sigma("attitude", self.attitude.is_some(), self.attitude_sigma.is_some())?;
-        sigma("heading", self.heading.is_some(), self.heading_sigma.is_some())?;
-        if self.attitude.is_some() && self.heading.is_some() {
-            return Err(BuildError::at("heading", "`attitude` gives the heading already"));
-        }
-        let place = match (self.position, self.position_sigma) {
-            (Some(p), _) => Some(p.into()),
-            (None, Some(_)) => Some(b.origin()?),
-            (None, None) => None,
-        };
-        Ok(Box::new(Explicit {
-            origin: b.origin,
-            place: place.zip(self.position_sigma.map(Axes::si)),
-            velocity: self.velocity.map(|v| v.si().into()).zip(self.velocity_sigma.map(Axes::si)),
-            attitude: self.attitude.zip(self.attitude_sigma.map(Axes::si)),
-            heading: self.heading.map(Angle::si).zip(self.heading_sigma.map(|s| s.si())),
-        }))
-    }
-}
-
+/// The runtime initialiser.
 #[derive(Clone, Debug)]
-struct Explicit {
+pub struct Explicit {
     origin: Option<Geodetic>,
     place: Option<(Geodetic, [f64; 3])>,
     velocity: Option<(Vector3<f64>, [f64; 3])>,
-    attitude: Option<(Rpy, [f64; 3])>,
+    attitude: Option<(UnitQuaternion<f64>, [f64; 3])>,
     heading: Option<(f64, f64)>,
 }
 memory!(Explicit { ; origin, place, velocity, attitude, heading });
@@ -131,8 +35,8 @@ impl Initialiser for Explicit {
         if let Some((v, sigma)) = &self.velocity {
             write_velocity(layout, belief, v, sigma);
         }
-        if let Some((rpy, sigma)) = &self.attitude {
-            write_attitude(layout, belief, &rpy.rotation(), sigma);
+        if let Some((q, sigma)) = &self.attitude {
+            write_attitude(layout, belief, q, sigma);
         }
         if let Some((yaw, sigma)) = self.heading {
             write_yaw(layout, belief, yaw, sigma);
@@ -140,10 +44,120 @@ impl Initialiser for Explicit {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+    use crate::param::Rpy;
+    use crate::units::{Angle, Axes, NonNegative, Place, Vec3Of, dim, range};
+    use crate::vocabulary::state;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Initial values written in the file: any of position, velocity, attitude or heading, each with
+    /// its 1σ.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct ExplicitSpec {
+        /// Initial position; without it the origin where `position_sigma` is given.
+        position: Option<Place>,
+        /// 1σ north, east, down.
+        position_sigma: Option<Axes<dim::Length, range::NonNegative>>,
+        /// Initial velocity north, east, down, given with `velocity_sigma`.
+        velocity: Option<Vec3Of<dim::Speed>>,
+        /// 1σ north, east, down.
+        velocity_sigma: Option<Axes<dim::Speed, range::NonNegative>>,
+        /// Initial roll, pitch, yaw.
+        attitude: Option<Rpy>,
+        /// 1σ about the body axes.
+        attitude_sigma: Option<Axes<dim::Angle, range::NonNegative>>,
+        /// Initial heading alone; roll and pitch as other initialisers find them.
+        heading: Option<Angle>,
+        /// 1σ of the heading.
+        heading_sigma: Option<NonNegative<dim::Angle>>,
+    }
+
+    crate::register!(
+        Initialiser,
+        "explicit",
+        ExplicitSpec,
+        r#"
+position = { latitude = "36.098 deg", longitude = "129.45 deg", height = "10 m" }
+position_sigma = ["2 m", "2 m", "3 m"]
+velocity = [0, 0, 0]
+velocity_sigma = "0.1 m/s"
+attitude = [0, 0, "30 deg"]
+attitude_sigma = ["0.1 deg", "0.1 deg", "1 deg"]
+"#
+    );
+
+    #[typetag::deserialize(name = "explicit")]
+    impl InitialiserSpec for ExplicitSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            Vec::new()
+        }
+
+        fn writes(&self) -> Vec<&'static str> {
+            let mut blocks = Vec::new();
+            if self.position_sigma.is_some() {
+                blocks.extend([state::POSITION.as_str(), state::LOCAL_POSITION.as_str()]);
+            }
+            if self.velocity_sigma.is_some() {
+                blocks.extend([state::VELOCITY.as_str(), state::SPEED.as_str()]);
+            }
+            if self.attitude_sigma.is_some() {
+                blocks.push(state::ATTITUDE.as_str());
+            }
+            if self.heading_sigma.is_some() {
+                blocks.push(state::HEADING.as_str());
+            }
+            blocks
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+            let sigma = |what: &str, given: bool, sigma: bool| match (given, sigma) {
+                (true, false) => Err(BuildError::new(format!("`{what}` is given without `{what}_sigma`, its 1σ"))),
+                // A place has the origin for a default; nothing says how fast or which way the body starts.
+                (false, true) if what != "position" => {
+                    let message = format!("`{what}_sigma` is given without `{what}`, the value that it is the 1σ of");
+                    Err(BuildError::at(format!("{what}_sigma"), message)
+                        .help(format!("add `{what}`: zeros, if that is what it starts from")))
+                }
+                _ => Ok(()),
+            };
+            sigma("position", self.position.is_some(), self.position_sigma.is_some())?;
+            sigma("velocity", self.velocity.is_some(), self.velocity_sigma.is_some())?;
+            sigma("attitude", self.attitude.is_some(), self.attitude_sigma.is_some())?;
+            sigma("heading", self.heading.is_some(), self.heading_sigma.is_some())?;
+            if self.attitude.is_some() && self.heading.is_some() {
+                return Err(BuildError::at("heading", "`attitude` gives the heading already"));
+            }
+            let place = match (self.position, self.position_sigma) {
+                (Some(p), _) => Some(p.into()),
+                (None, Some(_)) => Some(b.origin()?),
+                (None, None) => None,
+            };
+            Ok(Box::new(Explicit {
+                origin: b.origin,
+                place: place.zip(self.position_sigma.map(Axes::si)),
+                velocity: self.velocity.map(|v| v.si().into()).zip(self.velocity_sigma.map(Axes::si)),
+                attitude: self.attitude.map(|rpy| rpy.rotation()).zip(self.attitude_sigma.map(Axes::si)),
+                heading: self.heading.map(Angle::si).zip(self.heading_sigma.map(|s| s.si())),
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::InitialiserSpec;
     use crate::earth::Gravity;
+    use crate::vocabulary::state;
     use fusion_core::geometry::so3;
     use fusion_core::state::{Attitude, Dynamics, Geodetic as Position, LayoutBuilder, Manifold};
 

@@ -15,118 +15,22 @@
 //! σ_b²/σ²).
 
 use super::{known_attitude, write_position, write_velocity};
-use crate::block::{Build, BuildError, InitialiserSpec, Listen, Taken};
-use crate::units::{Axes, Length, Vec3Of, dim, range};
-use crate::vocabulary::{channel, state};
+use alloc::borrow::ToOwned;
+use alloc::collections::VecDeque;
+use alloc::string::String;
+use alloc::vec::Vec;
 use fusion_core::belief::Belief;
-use fusion_core::geometry::{so3, wgs84::Geodetic};
-use fusion_core::math;
-use fusion_core::memory;
+use fusion_core::geometry::so3;
+use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, Manifold};
 use fusion_core::time::Time;
+use fusion_core::{math, memory};
 use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
-use std::collections::VecDeque;
-use std::num::NonZeroUsize;
 
-/// Position, and velocity where declared, from the latest fix before the filter starts.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct FirstFixSpec {
-    /// A stream with a `position` channel, or with `horizontal_position` if the `height` is given.
-    source: String,
-    /// 1σ north, east, down of the initial position, if its errors are independent of the later fixes of a sensor.
-    /// Without it, the fix is only a start position (100 m), and the next fixes determine the position. Leave it out if
-    /// their sensor has a slow error, `bias`, because the first fix has it too.
-    position_sigma: Option<Axes<dim::Length, range::NonNegative>>,
-    /// Also uses the `velocity` channel, with this 1σ; without it another initialiser must give the velocity.
-    velocity_sigma: Option<Axes<dim::Speed, range::NonNegative>>,
-    /// Position of the antenna in body axes, from the body origin, as its sensor declares it.
-    #[serde(default)]
-    lever_arm: Vec3Of<dim::Length>,
-    /// The height of the antenna above the ellipsoid, for fixes of the channel `horizontal_position`, which have no
-    /// height.
-    height: Option<Length>,
-    /// The position is the median of this many latest fixes, axis by axis: for a vehicle at rest
-    /// whose fixes contain outliers.
-    #[serde(default = "one")]
-    median_of: NonZeroUsize,
-}
-
-/// 1σ of a start position \[m\]: tens of times the errors of any fix, so that it has no effect after the next fix.
-const PLACE: f64 = 100.0;
-
-const fn one() -> NonZeroUsize {
-    NonZeroUsize::MIN
-}
-
-crate::register!(
-    Initialiser,
-    "first_fix",
-    FirstFixSpec,
-    r#"
-source = "gnss"
-position_sigma = ["2 m", "2 m", "4 m"]
-velocity_sigma = "0.3 m/s"
-lever_arm = ["30 cm", 0, "-1 m"]
-median_of = 1
-"#
-);
-
-#[typetag::deserialize(name = "first_fix")]
-impl InitialiserSpec for FirstFixSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        let listen = |channel| Listen {
-            source: self.source.clone(),
-            channels: vec![channel],
-        };
-        let fixes = if self.height.is_some() {
-            channel::HORIZONTAL_POSITION
-        } else {
-            channel::POSITION
-        };
-        let mut inputs = vec![listen(fixes)];
-        if self.velocity_sigma.is_some() {
-            inputs.push(listen(channel::VELOCITY));
-        }
-        inputs
-    }
-
-    fn writes(&self) -> Vec<&'static str> {
-        let mut blocks = vec![state::POSITION.as_str(), state::LOCAL_POSITION.as_str()];
-        if self.velocity_sigma.is_some() {
-            blocks.extend([state::VELOCITY.as_str(), state::SPEED.as_str()]);
-        }
-        blocks
-    }
-
-    fn takes(&self) -> Taken {
-        self.position_sigma.map_or(Taken::Place, |sigma| Taken::Position(sigma.si()))
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
-        if self.position_sigma.is_none() && self.median_of != one() {
-            let help = "add `position_sigma`, the 1σ of the median";
-            return Err(BuildError::at("median_of", "a median has no effect if the next fix gives the position").help(help));
-        }
-        Ok(Box::new(FirstFix {
-            origin: b.origin,
-            position_sigma: self.position_sigma.map_or([PLACE; 3], Axes::si),
-            velocity_sigma: self.velocity_sigma.map(Axes::si),
-            lever_arm: self.lever_arm.si().into(),
-            height: self.height.map(Length::si),
-            median_of: self.median_of.get(),
-            fixes: VecDeque::new(),
-            way: Vector3::zeros(),
-            velocity: Latest::default(),
-        }))
-    }
-}
-
+/// The runtime initialiser.
 #[derive(Clone, Debug)]
-struct FirstFix {
+pub struct FirstFix {
     origin: Option<Geodetic>,
     position_sigma: [f64; 3],
     velocity_sigma: Option<[f64; 3]>,
@@ -150,7 +54,7 @@ memory!(Fix { time, place });
 
 /// The latest velocity \[m/s\], its time, and the acceleration \[m/s²\] since the one before.
 #[derive(Clone, Copy, Debug, Default)]
-struct Latest {
+pub struct Latest {
     time: Time,
     value: Option<Vector3<f64>>,
     acceleration: Vector3<f64>,
@@ -172,7 +76,6 @@ impl Latest {
         Vector3::from(*sigma).zip_map(&changed, math::hypot)
     }
 }
-
 memory!(FirstFix { fixes, way, velocity; origin, position_sigma, velocity_sigma, lever_arm, height, median_of });
 
 impl FirstFix {
@@ -259,9 +162,120 @@ impl Initialiser for FirstFix {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, InitialiserSpec, Listen, Taken};
+    use crate::units::{Axes, Length, Vec3Of, dim, range};
+    use crate::vocabulary::{channel, state};
+    use core::num::NonZeroUsize;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Position, and velocity where declared, from the latest fix before the filter starts.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct FirstFixSpec {
+        /// A stream with a `position` channel, or with `horizontal_position` if the `height` is given.
+        source: String,
+        /// 1σ north, east, down of the initial position, if its errors are independent of the later fixes of a sensor.
+        /// Without it, the fix is only a start position (100 m), and the next fixes determine the position. Leave it out if
+        /// their sensor has a slow error, `bias`, because the first fix has it too.
+        position_sigma: Option<Axes<dim::Length, range::NonNegative>>,
+        /// Also uses the `velocity` channel, with this 1σ; without it another initialiser must give the velocity.
+        velocity_sigma: Option<Axes<dim::Speed, range::NonNegative>>,
+        /// Position of the antenna in body axes, from the body origin, as its sensor declares it.
+        #[serde(default)]
+        lever_arm: Vec3Of<dim::Length>,
+        /// The height of the antenna above the ellipsoid, for fixes of the channel `horizontal_position`, which have no
+        /// height.
+        height: Option<Length>,
+        /// The position is the median of this many latest fixes, axis by axis: for a vehicle at rest
+        /// whose fixes contain outliers.
+        #[serde(default = "one")]
+        median_of: NonZeroUsize,
+    }
+
+    /// 1σ of a start position \[m\]: tens of times the errors of any fix, so that it has no effect after the next fix.
+    const PLACE: f64 = 100.0;
+
+    const fn one() -> NonZeroUsize {
+        NonZeroUsize::MIN
+    }
+
+    crate::register!(
+        Initialiser,
+        "first_fix",
+        FirstFixSpec,
+        r#"
+source = "gnss"
+position_sigma = ["2 m", "2 m", "4 m"]
+velocity_sigma = "0.3 m/s"
+lever_arm = ["30 cm", 0, "-1 m"]
+median_of = 1
+"#
+    );
+
+    #[typetag::deserialize(name = "first_fix")]
+    impl InitialiserSpec for FirstFixSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            let listen = |channel| Listen {
+                source: self.source.clone(),
+                channels: vec![channel],
+            };
+            let fixes = if self.height.is_some() {
+                channel::HORIZONTAL_POSITION
+            } else {
+                channel::POSITION
+            };
+            let mut inputs = vec![listen(fixes)];
+            if self.velocity_sigma.is_some() {
+                inputs.push(listen(channel::VELOCITY));
+            }
+            inputs
+        }
+
+        fn writes(&self) -> Vec<&'static str> {
+            let mut blocks = vec![state::POSITION.as_str(), state::LOCAL_POSITION.as_str()];
+            if self.velocity_sigma.is_some() {
+                blocks.extend([state::VELOCITY.as_str(), state::SPEED.as_str()]);
+            }
+            blocks
+        }
+
+        fn takes(&self) -> Taken {
+            self.position_sigma.map_or(Taken::Place, |sigma| Taken::Position(sigma.si()))
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+            if self.position_sigma.is_none() && self.median_of != one() {
+                let help = "add `position_sigma`, the 1σ of the median";
+                return Err(BuildError::at("median_of", "a median has no effect if the next fix gives the position").help(help));
+            }
+            Ok(Box::new(FirstFix {
+                origin: b.origin,
+                position_sigma: self.position_sigma.map_or([PLACE; 3], Axes::si),
+                velocity_sigma: self.velocity_sigma.map(Axes::si),
+                lever_arm: self.lever_arm.si().into(),
+                height: self.height.map(Length::si),
+                median_of: self.median_of.get(),
+                fixes: VecDeque::new(),
+                way: Vector3::zeros(),
+                velocity: Latest::default(),
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::InitialiserSpec;
+    use crate::block::{Build, Taken};
+    use crate::vocabulary::state;
     use fusion_core::state::{Dynamics, Geodetic as Place, LayoutBuilder};
     use nalgebra::UnitQuaternion;
 

@@ -12,130 +12,17 @@
 //! Source     Groves 2013, §5.6; Titterton and Weston 2004, §10.3
 
 use super::write_attitude;
-use crate::block::{Build, BuildError, InitialiserSpec, Listen, imu_channels};
-use crate::stage::still::{StillSpec, StillTest};
-use crate::units::{Axes, NonNegative, Positive, dim, range};
+use crate::stage::still::StillTest;
 use crate::vocabulary::state;
+use alloc::string::String;
 use fusion_core::belief::Belief;
 use fusion_core::geometry::{so3, wgs84};
-use fusion_core::math;
-use fusion_core::memory;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, Manifold, Vector};
 use fusion_core::time::Time;
+use fusion_core::{math, memory};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Roll and pitch from the specific force at rest, the gyro bias from the rate at rest, and with `gyrocompass` the
-/// heading from the Earth's rotation.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LevellingSpec {
-    /// The IMU stream.
-    source: String,
-    /// How long the vehicle must stand still.
-    duration: Positive<dim::Duration>,
-    /// Limits of the rest test; without them the vehicle is assumed to be at rest from the first row on.
-    still: Option<StillSpec>,
-    /// 1σ of roll and pitch: accelerometer bias over gravity. It grows if the force wandered during the averaging.
-    tilt_sigma: NonNegative<dim::Angle>,
-    /// 1σ of the gyro bias found at rest; sets the state `gyro_bias`.
-    gyro_bias_sigma: Option<Axes<dim::AngularRate, range::NonNegative>>,
-    /// Heading from the Earth's rotation, for gyros that are accurate enough.
-    gyrocompass: Option<GyrocompassSpec>,
-}
-
-/// Gyrocompassing: rejected if its predicted error is too large.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GyrocompassSpec {
-    /// 1σ of the gyro bias, turn-on to turn-on.
-    gyro_bias: NonNegative<dim::AngularRate>,
-    /// Angle random walk of the gyros.
-    gyro_noise: NonNegative<dim::AngleRandomWalk>,
-    /// 1σ of the accelerometer bias.
-    accel_bias: NonNegative<dim::Acceleration>,
-    /// The largest predicted 1σ that is accepted.
-    max_sigma: Positive<dim::Angle>,
-    /// Latitude; by default the latitude of the origin.
-    latitude: Option<crate::units::Angle>,
-}
-
-crate::register!(
-    Initialiser,
-    "levelling",
-    LevellingSpec,
-    r#"
-source = "imu"
-duration = "5 s"
-still = { accel_std = "0.2 m/s^2", gyro_std = "1 deg/s" }
-tilt_sigma = "0.5 deg"
-gyro_bias_sigma = "0.05 deg/s"
-"#
-);
-
-#[typetag::deserialize(name = "levelling")]
-impl InitialiserSpec for LevellingSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        vec![Listen {
-            source: self.source.clone(),
-            channels: imu_channels(),
-        }]
-    }
-
-    fn writes(&self) -> Vec<&'static str> {
-        let mut blocks = vec![state::ATTITUDE.as_str()];
-        if self.gyro_bias_sigma.is_some() {
-            blocks.push(state::GYRO_BIAS.as_str());
-        }
-        blocks
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
-        let compass = match &self.gyrocompass {
-            None => None,
-            Some(g) => Some(self.compass(g, b)?),
-        };
-        Ok(Box::new(Levelling {
-            test: self.still.as_ref().map(StillTest::new),
-            duration: self.duration.si(),
-            tilt_sigma: self.tilt_sigma.si(),
-            gyro_bias_sigma: self.gyro_bias_sigma.map(Axes::si),
-            compass,
-            rest: Rest::default(),
-            found: None,
-            wander: 0.0,
-            last: None,
-            longest: 0.0,
-        }))
-    }
-}
-
-impl LevellingSpec {
-    fn compass(&self, g: &GyrocompassSpec, b: &Build<'_>) -> Result<Compass, BuildError> {
-        let lat = match g.latitude {
-            Some(lat) => lat.si(),
-            None => b.origin()?.lat,
-        };
-        if lat.abs() > 80_f64.to_radians() {
-            let message = "gyrocompassing fails within 10° of a pole: the Earth's rotation is vertical there";
-            return Err(BuildError::at("gyrocompass", message).help("take the heading from a compass or from a GNSS course"));
-        }
-        let sigma = predicted_heading_sigma(g.gyro_bias.si(), g.gyro_noise.si(), g.accel_bias.si(), self.duration.si(), lat);
-        if sigma > g.max_sigma.si() {
-            let message = format!(
-                "gyrocompassing would have a 1σ of {:.2}° here, more than the {:.2}° allowed",
-                sigma.to_degrees(),
-                g.max_sigma.si().to_degrees()
-            );
-            let help = "level for longer, take the heading from a compass or a GNSS course, or allow more";
-            return Err(BuildError::at("gyrocompass.max_sigma", message).help(help));
-        }
-        Ok(Compass { sigma, lat })
-    }
-}
 
 /// Roll and pitch \[rad\] from a specific force at rest.
 #[must_use]
@@ -161,8 +48,9 @@ pub fn predicted_heading_sigma(gyro_bias: f64, gyro_noise: f64, accel_bias: f64,
     math::hypot(gyro, accel_bias / 9.81 * math::tan(lat))
 }
 
+/// The 1σ of the heading by gyrocompassing, and the latitude \[rad\].
 #[derive(Clone, Copy, Debug)]
-struct Compass {
+pub struct Compass {
     sigma: f64,
     lat: f64,
 }
@@ -172,7 +60,7 @@ const PARTS: f64 = 8.0;
 
 /// Sums over one period of rest.
 #[derive(Clone, Copy, Debug, Default)]
-struct Rest {
+pub struct Rest {
     since: Option<Time>,
     count: f64,
     w: Vector3<f64>,
@@ -233,8 +121,9 @@ impl Parts {
     }
 }
 
+/// The runtime initialiser.
 #[derive(Clone, Debug)]
-struct Levelling {
+pub struct Levelling {
     test: Option<StillTest>,
     duration: f64,
     tilt_sigma: f64,
@@ -341,9 +230,133 @@ impl Initialiser for Levelling {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, InitialiserSpec, Listen, imu_channels};
+    use crate::stage::still::StillSpec;
+    use crate::units::{Axes, NonNegative, Positive, dim, range};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Roll and pitch from the specific force at rest, the gyro bias from the rate at rest, and with `gyrocompass` the
+    /// heading from the Earth's rotation.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct LevellingSpec {
+        /// The IMU stream.
+        source: String,
+        /// How long the vehicle must stand still.
+        duration: Positive<dim::Duration>,
+        /// Limits of the rest test; without them the vehicle is assumed to be at rest from the first row on.
+        still: Option<StillSpec>,
+        /// 1σ of roll and pitch: accelerometer bias over gravity. It grows if the force wandered during the averaging.
+        tilt_sigma: NonNegative<dim::Angle>,
+        /// 1σ of the gyro bias found at rest; sets the state `gyro_bias`.
+        gyro_bias_sigma: Option<Axes<dim::AngularRate, range::NonNegative>>,
+        /// Heading from the Earth's rotation, for gyros that are accurate enough.
+        gyrocompass: Option<GyrocompassSpec>,
+    }
+
+    /// Gyrocompassing: rejected if its predicted error is too large.
+    #[derive(Clone, Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct GyrocompassSpec {
+        /// 1σ of the gyro bias, turn-on to turn-on.
+        gyro_bias: NonNegative<dim::AngularRate>,
+        /// Angle random walk of the gyros.
+        gyro_noise: NonNegative<dim::AngleRandomWalk>,
+        /// 1σ of the accelerometer bias.
+        accel_bias: NonNegative<dim::Acceleration>,
+        /// The largest predicted 1σ that is accepted.
+        max_sigma: Positive<dim::Angle>,
+        /// Latitude; by default the latitude of the origin.
+        latitude: Option<crate::units::Angle>,
+    }
+
+    crate::register!(
+        Initialiser,
+        "levelling",
+        LevellingSpec,
+        r#"
+source = "imu"
+duration = "5 s"
+still = { accel_std = "0.2 m/s^2", gyro_std = "1 deg/s" }
+tilt_sigma = "0.5 deg"
+gyro_bias_sigma = "0.05 deg/s"
+"#
+    );
+
+    #[typetag::deserialize(name = "levelling")]
+    impl InitialiserSpec for LevellingSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            vec![Listen {
+                source: self.source.clone(),
+                channels: imu_channels(),
+            }]
+        }
+
+        fn writes(&self) -> Vec<&'static str> {
+            let mut blocks = vec![state::ATTITUDE.as_str()];
+            if self.gyro_bias_sigma.is_some() {
+                blocks.push(state::GYRO_BIAS.as_str());
+            }
+            blocks
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+            let compass = match &self.gyrocompass {
+                None => None,
+                Some(g) => Some(self.compass(g, b)?),
+            };
+            Ok(Box::new(Levelling {
+                test: self.still.as_ref().map(StillTest::new),
+                duration: self.duration.si(),
+                tilt_sigma: self.tilt_sigma.si(),
+                gyro_bias_sigma: self.gyro_bias_sigma.map(Axes::si),
+                compass,
+                rest: Rest::default(),
+                found: None,
+                wander: 0.0,
+                last: None,
+                longest: 0.0,
+            }))
+        }
+    }
+
+    impl LevellingSpec {
+        fn compass(&self, g: &GyrocompassSpec, b: &Build<'_>) -> Result<Compass, BuildError> {
+            let lat = match g.latitude {
+                Some(lat) => lat.si(),
+                None => b.origin()?.lat,
+            };
+            if lat.abs() > 80_f64.to_radians() {
+                let message = "gyrocompassing fails within 10° of a pole: the Earth's rotation is vertical there";
+                return Err(BuildError::at("gyrocompass", message).help("take the heading from a compass or from a GNSS course"));
+            }
+            let sigma = predicted_heading_sigma(g.gyro_bias.si(), g.gyro_noise.si(), g.accel_bias.si(), self.duration.si(), lat);
+            if sigma > g.max_sigma.si() {
+                let message = format!(
+                    "gyrocompassing would have a 1σ of {:.2}° here, more than the {:.2}° allowed",
+                    sigma.to_degrees(),
+                    g.max_sigma.si().to_degrees()
+                );
+                let help = "level for longer, take the heading from a compass or a GNSS course, or allow more";
+                return Err(BuildError::at("gyrocompass.max_sigma", message).help(help));
+            }
+            Ok(Compass { sigma, lat })
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::stage::still::StillSpec;
     use fusion_core::testing::Lcg;
 
     type V = Vector3<f64>;

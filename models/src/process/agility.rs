@@ -17,72 +17,22 @@
 //! Source     integrated Gauss-Markov process, given its initial value: Gelb 1974, Applied Optimal Estimation, §3.8
 //! Not here   noise of these values
 
-use crate::units::{Axes, Dimensional, Positive, dim, range};
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
 use fusion_core::math;
 use fusion_core::model::Gap;
 use fusion_core::state::{Attitude, Slot, Velocity};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
-/// How fast the vehicle can change its motion: a gap in the input adds this uncertainty. A single sample that changes
-/// by less is not a spike. Per body axis: forward, right, down.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct AgilitySpec {
-    /// 1σ of its acceleration.
-    acceleration: Axes<dim::Acceleration, range::Positive>,
-    /// 1σ of its angular rate.
-    angular_rate: Axes<dim::AngularRate, range::Positive>,
-    /// How long an acceleration or a turn lasts.
-    time: Positive<dim::Duration>,
-    /// The largest 1σ of roll and pitch after a gap.
-    tilt: Positive<dim::Angle>,
-    /// The smallest circle that it can drive, if it cannot turn on the spot: its angular rate about down is then at
-    /// most its speed over this radius.
-    turning_radius: Option<Positive<dim::Length>>,
-}
-
-impl Default for AgilitySpec {
-    /// A car in a town, a multicopter in gentle flight, an underwater vehicle.
-    fn default() -> Self {
-        Self {
-            acceleration: [positive(3.0); 3].into(),
-            angular_rate: [positive(0.5); 3].into(),
-            time: positive(1.0),
-            tilt: positive(20f64.to_radians()),
-            turning_radius: None,
-        }
-    }
-}
-
-fn positive<D: Dimensional>(si: f64) -> Positive<D> {
-    Positive::try_from_si(si).unwrap_or_else(|_| unreachable!("the defaults are positive"))
-}
-
-/// The same in SI.
+/// How fast the vehicle can change its motion, in SI and radians.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Agility {
+pub struct Agility {
     acceleration: Vector3<f64>,
     rate: Vector3<f64>,
     time: f64,
     tilt: f64,
     /// The largest curvature of its path \[1/m\]; `None` if it can turn on the spot.
     curvature: Option<f64>,
-}
-
-impl From<&AgilitySpec> for Agility {
-    fn from(spec: &AgilitySpec) -> Self {
-        Self {
-            acceleration: spec.acceleration.si().into(),
-            rate: spec.angular_rate.si().into(),
-            time: spec.time.si(),
-            tilt: spec.tilt.si(),
-            curvature: spec.turning_radius.map(|radius| 1.0 / radius.si()),
-        }
-    }
 }
 
 /// The effect of a fading motion over a part of a gap, in the body axes at the beginning of the part.
@@ -100,13 +50,6 @@ pub(super) struct Fading {
 }
 
 impl Agility {
-    /// How much angular rate and specific force may change from sample to sample, per number of an inertial sample.
-    /// Shocks act on every axis as on the most agile one.
-    pub(super) fn changes(&self) -> [f64; 6] {
-        let (w, a) = (self.rate.max(), self.acceleration.max());
-        [w, w, w, a, a, a]
-    }
-
     /// The growth of g over a part of a gap \[s²\].
     fn growth(&self, gap: &Gap) -> f64 {
         let g = |seconds: f64| {
@@ -176,6 +119,73 @@ impl Agility {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::units::{Axes, Dimensional, Positive, dim, range};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// How fast the vehicle can change its motion: a gap in the input adds this uncertainty. A single sample that changes
+    /// by less is not a spike. Per body axis: forward, right, down.
+    #[derive(Clone, Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct AgilitySpec {
+        /// 1σ of its acceleration.
+        acceleration: Axes<dim::Acceleration, range::Positive>,
+        /// 1σ of its angular rate.
+        angular_rate: Axes<dim::AngularRate, range::Positive>,
+        /// How long an acceleration or a turn lasts.
+        time: Positive<dim::Duration>,
+        /// The largest 1σ of roll and pitch after a gap.
+        tilt: Positive<dim::Angle>,
+        /// The smallest circle that it can drive, if it cannot turn on the spot: its angular rate about down is then at
+        /// most its speed over this radius.
+        turning_radius: Option<Positive<dim::Length>>,
+    }
+
+    impl Default for AgilitySpec {
+        /// A car in a town, a multicopter in gentle flight, an underwater vehicle.
+        fn default() -> Self {
+            Self {
+                acceleration: [positive(3.0); 3].into(),
+                angular_rate: [positive(0.5); 3].into(),
+                time: positive(1.0),
+                tilt: positive(20f64.to_radians()),
+                turning_radius: None,
+            }
+        }
+    }
+
+    fn positive<D: Dimensional>(si: f64) -> Positive<D> {
+        Positive::try_from_si(si).unwrap_or_else(|_| unreachable!("the defaults are positive"))
+    }
+
+    impl From<&AgilitySpec> for Agility {
+        fn from(spec: &AgilitySpec) -> Self {
+            Self {
+                acceleration: spec.acceleration.si().into(),
+                rate: spec.angular_rate.si().into(),
+                time: spec.time.si(),
+                tilt: spec.tilt.si(),
+                curvature: spec.turning_radius.map(|radius| 1.0 / radius.si()),
+            }
+        }
+    }
+
+    impl Agility {
+        /// How much angular rate and specific force may change from sample to sample, per number of an inertial sample.
+        /// Shocks act on every axis as on the most agile one.
+        pub(crate) fn changes(&self) -> [f64; 6] {
+            let (w, a) = (self.rate.max(), self.acceleration.max());
+            [w, w, w, a, a, a]
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -240,10 +250,7 @@ mod tests {
     #[test]
     fn a_vehicle_that_turns_by_driving_does_not_turn_at_rest() {
         let gap = Gap { from: 0.0, to: 1.0 };
-        let spec = AgilitySpec {
-            turning_radius: Some(positive(5.0)),
-            ..AgilitySpec::default()
-        };
+        let spec: AgilitySpec = toml::from_str("turning_radius = 5").unwrap();
         assert_eq!(agility().by_speed(&gap), None);
         let per = Agility::from(&spec).by_speed(&gap).unwrap();
         // At 1 m/s a circle of 5 m is 0.2 rad/s, two fifths of 0.5 rad/s.

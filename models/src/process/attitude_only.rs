@@ -13,45 +13,23 @@
 //! Source     Sola, Deray, Atchuthan 2018 (arXiv 1812.01537), eqs. 139-145 for Jr; Shuster 1993,
 //!            J. Astronaut. Sci. 41(4), for the rate of a Rodrigues vector
 
-use crate::block::{Build, BuildError, Channel, ProcessSpec};
-use crate::earth::rates::earth_rate_n;
-use crate::param::VectorParam;
-use crate::process::agility::{Agility, AgilitySpec};
+use crate::process::agility::Agility;
 use crate::process::kinematic;
-use crate::units::{Axes, Latitude, dim, range};
-use crate::vocabulary::{channel, state};
+use alloc::vec::Vec;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Gap, Input, Process, SignalsOut};
-use fusion_core::state::{Attitude, Dynamics, Param, Signal, Slot, Vector};
+use fusion_core::state::{Attitude, Param, Signal, Slot, Vector};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Attitude alone, from gyros: states attitude and, where declared, gyro bias; driven by the
-/// channel `angular_rate` of its source.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct AttitudeOnlySpec {
-    /// White noise of the rate: the angle random walk, e.g. "0.1 deg/sqrt(s)".
-    gyro_noise: Axes<dim::AngleRandomWalk, range::NonNegative>,
-    /// Gyro bias; estimated as the state `gyro_bias`.
-    #[serde(default)]
-    gyro_bias: VectorParam<dim::AngularRate>,
-    /// Latitude, for the Earth's rotation; that of the origin, or no rotation, where absent.
-    latitude: Option<Latitude>,
-    /// How the quaternion is integrated.
-    #[serde(default)]
-    integration: Integration,
-    /// How fast the vehicle can change its motion, for gaps and spikes of the samples.
-    #[serde(default)]
-    agility: AgilitySpec,
-}
 
 /// How a quaternion is integrated over a sample.
-#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
-enum Integration {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "declare",
+    derive(serde::Deserialize, schemars::JsonSchema),
+    serde(rename_all = "snake_case")
+)]
+pub enum Integration {
     /// q ⊗ Exp(wΔt).
     #[default]
     Exact,
@@ -59,42 +37,9 @@ enum Integration {
     Literal,
 }
 
-crate::register!(
-    Process,
-    "attitude_only",
-    AttitudeOnlySpec,
-    r#"
-gyro_noise = "0.1 deg/sqrt(s)"
-gyro_bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.5 deg/s", random_walk = "1e-4 deg/s/sqrt(s)" }
-latitude = "36.1 deg"
-"#
-);
-
-#[typetag::deserialize(name = "attitude_only")]
-impl ProcessSpec for AttitudeOnlySpec {
-    fn input(&self) -> Vec<Channel> {
-        vec![channel::ANGULAR_RATE]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
-        let lat = self.latitude.map(|l| l.si()).or(b.origin.map(|o| o.lat));
-        let unset = vec![0.0; 3];
-        Ok(Box::new(AttitudeOnly {
-            attitude: b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
-            gyro_bias: b.body_param(state::GYRO_BIAS, "gyro_bias", &self.gyro_bias)?,
-            angular_rate: b.signal(state::ANGULAR_RATE)?,
-            gyro_psd: kinematic::psd(self.gyro_noise.si()),
-            w_ie_n: lat.map_or_else(Vector3::zeros, earth_rate_n),
-            integration: self.integration,
-            agility: (&self.agility).into(),
-            changes: Agility::from(&self.agility).changes(),
-        }))
-    }
-}
-
 /// The runtime model.
 #[derive(Debug)]
-struct AttitudeOnly {
+pub struct AttitudeOnly {
     attitude: Slot<Attitude>,
     gyro_bias: Param<Vector<3>>,
     angular_rate: Signal<Vector<3>>,
@@ -179,9 +124,82 @@ impl Process for AttitudeOnly {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::earth::rates::earth_rate_n;
+    use crate::param::VectorParam;
+    use crate::process::agility::AgilitySpec;
+    use crate::units::{Axes, Latitude, dim, range};
+    use crate::vocabulary::{channel, state};
+    use fusion_core::state::Dynamics;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Attitude alone, from gyros: states attitude and, where declared, gyro bias; driven by the
+    /// channel `angular_rate` of its source.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct AttitudeOnlySpec {
+        /// White noise of the rate: the angle random walk, e.g. "0.1 deg/sqrt(s)".
+        gyro_noise: Axes<dim::AngleRandomWalk, range::NonNegative>,
+        /// Gyro bias; estimated as the state `gyro_bias`.
+        #[serde(default)]
+        gyro_bias: VectorParam<dim::AngularRate>,
+        /// Latitude, for the Earth's rotation; that of the origin, or no rotation, where absent.
+        latitude: Option<Latitude>,
+        /// How the quaternion is integrated.
+        #[serde(default)]
+        integration: Integration,
+        /// How fast the vehicle can change its motion, for gaps and spikes of the samples.
+        #[serde(default)]
+        agility: AgilitySpec,
+    }
+
+    crate::register!(
+        Process,
+        "attitude_only",
+        AttitudeOnlySpec,
+        r#"
+gyro_noise = "0.1 deg/sqrt(s)"
+gyro_bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.5 deg/s", random_walk = "1e-4 deg/s/sqrt(s)" }
+latitude = "36.1 deg"
+"#
+    );
+
+    #[typetag::deserialize(name = "attitude_only")]
+    impl ProcessSpec for AttitudeOnlySpec {
+        fn input(&self) -> Vec<Channel> {
+            vec![channel::ANGULAR_RATE]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+            let lat = self.latitude.map(|l| l.si()).or(b.origin.map(|o| o.lat));
+            let unset = vec![0.0; 3];
+            Ok(Box::new(AttitudeOnly {
+                attitude: b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
+                gyro_bias: b.body_param(state::GYRO_BIAS, "gyro_bias", &self.gyro_bias)?,
+                angular_rate: b.signal(state::ANGULAR_RATE)?,
+                gyro_psd: kinematic::psd(self.gyro_noise.si()),
+                w_ie_n: lat.map_or_else(Vector3::zeros, earth_rate_n),
+                integration: self.integration,
+                agility: (&self.agility).into(),
+                changes: Agility::from(&self.agility).changes(),
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::ProcessSpec;
+    use crate::earth::rates::earth_rate_n;
     use fusion_core::state::{Layout, LayoutBuilder};
     use fusion_core::testing::check_process;
     use nalgebra::Vector4;

@@ -8,85 +8,16 @@
 //!            which differ from those at the position by 9″ per 280 m
 //! Source     Bar-Shalom, Li, Kirubarajan 2001, §6.2.2
 
-use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::LocalFrame;
 use crate::earth::frames::rotation_en;
-use crate::units::{Axes, Vec3Of, dim, range};
-use crate::vocabulary::state;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Input, Process, SignalsOut};
-use fusion_core::state::{Dynamics, Geodetic, Position, Signal, Slot, Vector, Velocity};
+use fusion_core::state::{Geodetic, Position, Signal, Slot, Vector, Velocity};
 use nalgebra::{Matrix3, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Constant velocity with white acceleration, in local axes at the origin; no input.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ConstantVelocitySpec {
-    /// White noise density of the acceleration, north east down.
-    acceleration_noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
-    /// Position the filter starts from, north east down of the origin.
-    #[serde(default)]
-    initial_position: Vec3Of<dim::Length>,
-    /// Initial 1σ of position.
-    position_sigma: Axes<dim::Length, range::NonNegative>,
-    /// Velocity the filter starts from, north east down.
-    #[serde(default)]
-    initial_velocity: Vec3Of<dim::Speed>,
-    /// Initial 1σ of velocity.
-    velocity_sigma: Axes<dim::Speed, range::NonNegative>,
-}
-
-crate::register!(
-    Process,
-    "constant_velocity",
-    ConstantVelocitySpec,
-    r#"
-acceleration_noise = ["0.1 m/s^2/sqrt(Hz)", "0.1 m/s^2/sqrt(Hz)", "0.02 m/s^2/sqrt(Hz)"]
-initial_position = [0, 0, 0]
-position_sigma = "10 m"
-initial_velocity = [0, 0, 0]
-velocity_sigma = "1 m/s"
-"#
-);
-
-#[typetag::deserialize(name = "constant_velocity")]
-impl ProcessSpec for ConstantVelocitySpec {
-    fn input(&self) -> Vec<Channel> {
-        Vec::new()
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
-        let frame = LocalFrame::new(b.origin()?);
-        let (position, velocity) = (Vector3::from(self.initial_position.si()), Vector3::from(self.initial_velocity.si()));
-        Ok(Box::new(ConstantVelocity {
-            position: b.declare(
-                state::LOCAL_POSITION,
-                "m",
-                position,
-                self.position_sigma.si().to_vec(),
-                Dynamics::Process,
-            )?,
-            velocity: b.declare(
-                state::VELOCITY,
-                "m/s",
-                velocity,
-                self.velocity_sigma.si().to_vec(),
-                Dynamics::Process,
-            )?,
-            geodetic: b.signal(state::POSITION)?,
-            acceleration: b.signal(state::ACCELERATION)?,
-            psd: Vector3::from(self.acceleration_noise.si()).map(|density| density * density),
-            c_en: rotation_en(frame.origin().lat, frame.origin().lon),
-            frame,
-        }))
-    }
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct ConstantVelocity {
+pub struct ConstantVelocity {
     position: Slot<Position>,
     velocity: Slot<Velocity>,
     geodetic: Signal<Geodetic>,
@@ -130,9 +61,89 @@ impl Process for ConstantVelocity {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::units::{Axes, Vec3Of, dim, range};
+    use crate::vocabulary::state;
+    use fusion_core::state::Dynamics;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Constant velocity with white acceleration, in local axes at the origin; no input.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct ConstantVelocitySpec {
+        /// White noise density of the acceleration, north east down.
+        acceleration_noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
+        /// Position the filter starts from, north east down of the origin.
+        #[serde(default)]
+        initial_position: Vec3Of<dim::Length>,
+        /// Initial 1σ of position.
+        position_sigma: Axes<dim::Length, range::NonNegative>,
+        /// Velocity the filter starts from, north east down.
+        #[serde(default)]
+        initial_velocity: Vec3Of<dim::Speed>,
+        /// Initial 1σ of velocity.
+        velocity_sigma: Axes<dim::Speed, range::NonNegative>,
+    }
+
+    crate::register!(
+        Process,
+        "constant_velocity",
+        ConstantVelocitySpec,
+        r#"
+acceleration_noise = ["0.1 m/s^2/sqrt(Hz)", "0.1 m/s^2/sqrt(Hz)", "0.02 m/s^2/sqrt(Hz)"]
+initial_position = [0, 0, 0]
+position_sigma = "10 m"
+initial_velocity = [0, 0, 0]
+velocity_sigma = "1 m/s"
+"#
+    );
+
+    #[typetag::deserialize(name = "constant_velocity")]
+    impl ProcessSpec for ConstantVelocitySpec {
+        fn input(&self) -> Vec<Channel> {
+            Vec::new()
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+            let frame = LocalFrame::new(b.origin()?);
+            let (position, velocity) = (Vector3::from(self.initial_position.si()), Vector3::from(self.initial_velocity.si()));
+            Ok(Box::new(ConstantVelocity {
+                position: b.declare(
+                    state::LOCAL_POSITION,
+                    "m",
+                    position,
+                    self.position_sigma.si().to_vec(),
+                    Dynamics::Process,
+                )?,
+                velocity: b.declare(
+                    state::VELOCITY,
+                    "m/s",
+                    velocity,
+                    self.velocity_sigma.si().to_vec(),
+                    Dynamics::Process,
+                )?,
+                geodetic: b.signal(state::POSITION)?,
+                acceleration: b.signal(state::ACCELERATION)?,
+                psd: Vector3::from(self.acceleration_noise.si()).map(|density| density * density),
+                c_en: rotation_en(frame.origin().lat, frame.origin().lon),
+                frame,
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::ProcessSpec;
     use fusion_core::Time;
     use fusion_core::filter::{Backend, Estimator, Filter};
     use fusion_core::model::Size;

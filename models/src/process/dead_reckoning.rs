@@ -15,102 +15,22 @@
 
 use super::strapdown::pairing::{Mode, Pairing, neighbour};
 use super::unicycle::carried;
-use crate::block::{Build, BuildError, Channel, ProcessSpec};
-use crate::param::{ScalarParam, VectorParam};
-use crate::units::{Axes, Positive, dim, range};
-use crate::vocabulary::{channel, state};
+use alloc::boxed::Box;
 use fusion_core::geometry::so3;
-use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Input, Order, Preparation, Process, SignalsOut};
-use fusion_core::state::{Attitude, Dynamics, Geodetic, Param, Scalar, Signal, Slot, Vector, Velocity};
+use fusion_core::state::{Attitude, Geodetic, Param, Scalar, Signal, Slot, Vector, Velocity};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Dead reckoning: position by the vehicle's velocity in its own axes and the attitude of a reference.
-/// Driven by the channel `attitude` of its source.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DeadReckoningSpec {
-    /// Initial 1σ of position, north east down. The position starts at the origin, or at the position from an
-    /// initialiser.
-    position_sigma: Axes<dim::Length, range::NonNegative>,
-    /// Random walk of the position, north east down: motion that is neither in the velocity nor in the drift.
-    #[serde(default)]
-    position_noise: Axes<dim::PositionRandomWalk, range::NonNegative>,
-    /// Initial 1σ of the velocity, forward right down; with `velocity_time` also the stationary 1σ.
-    velocity_sigma: Axes<dim::Speed, range::NonNegative>,
-    /// White noise density of the acceleration, forward right down; not with `velocity_time`.
-    #[serde(default)]
-    velocity_noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
-    /// Correlation time of a velocity that returns to zero; without it the velocity is a random walk.
-    velocity_time: Option<Positive<dim::Duration>>,
-    /// From the reference's heading to the true heading, clockwise; estimated as the state `heading_offset`.
-    #[serde(default)]
-    heading_offset: ScalarParam<dim::Angle>,
-    /// Velocity in addition to that in the vehicle's axes, north east down; estimated as the state `drift`.
-    #[serde(default)]
-    drift: VectorParam<dim::Speed>,
-}
-
-crate::register!(
-    Process,
-    "dead_reckoning",
-    DeadReckoningSpec,
-    r#"
-position_sigma = "1 m"
-velocity_sigma = ["1 m/s", "0.2 m/s", "0.1 m/s"]
-velocity_noise = ["0.1 m/s/sqrt(s)", "2 cm/s/sqrt(s)", "2 cm/s/sqrt(s)"]
-heading_offset = { estimate = true, initial = 0, sigma = "5 deg", random_walk = "0.1 deg/sqrt(s)" }
-drift = { estimate = true, initial = [0, 0, 0], sigma = ["0.2 m/s", "0.2 m/s", 0], correlation_time = "60 s" }
-"#
-);
 
 /// Numbers of an attitude.
 const SAMPLE: usize = 4;
+
 /// The longest step \[s\]: within it, the random walk of the velocity does not move the position.
 const LONGEST_STEP: f64 = 0.5;
 
-#[typetag::deserialize(name = "dead_reckoning")]
-impl ProcessSpec for DeadReckoningSpec {
-    fn input(&self) -> Vec<Channel> {
-        vec![channel::ATTITUDE]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
-        let place = b.origin.unwrap_or(Place::new(0.0, 0.0, 0.0));
-        let (sigma, noise) = (self.velocity_sigma.si(), self.velocity_noise.si());
-        let dynamics = match self.velocity_time {
-            None => Dynamics::RandomWalk {
-                psd: noise.map(|n| n * n).to_vec(),
-            },
-            Some(tau) if noise == [0.0; 3] => Dynamics::GaussMarkov {
-                sigma: sigma.to_vec(),
-                tau: tau.si(),
-            },
-            Some(_) => {
-                let message = "a velocity is a random walk or returns to zero, not both";
-                let help = "with `velocity_time` the noise follows from `velocity_sigma`: leave `velocity_noise` out";
-                return Err(BuildError::at("velocity_time", message).help(help));
-            }
-        };
-        Ok(Box::new(DeadReckoning {
-            position: b.declare(state::POSITION, "m", place, self.position_sigma.si().to_vec(), Dynamics::Process)?,
-            body_velocity: b.declare(state::BODY_VELOCITY, "m/s", Vector3::zeros(), sigma.to_vec(), dynamics)?,
-            heading_offset: b.param_named(state::HEADING_OFFSET, "heading_offset", &self.heading_offset)?,
-            drift: b.param_named(state::DRIFT, "drift", &self.drift)?,
-            velocity: b.signal(state::VELOCITY)?,
-            attitude: b.signal(state::ATTITUDE)?,
-            angular_rate: b.signal(state::ANGULAR_RATE)?,
-            position_psd: super::kinematic::psd(self.position_noise.si()),
-        }))
-    }
-}
-
 /// The runtime model.
 #[derive(Debug)]
-struct DeadReckoning {
+pub struct DeadReckoning {
     position: Slot<Geodetic>,
     body_velocity: Slot<Vector<3>>,
     heading_offset: Param<Scalar>,
@@ -224,9 +144,103 @@ impl Process for DeadReckoning {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::param::{ScalarParam, VectorParam};
+    use crate::units::{Axes, Positive, dim, range};
+    use crate::vocabulary::{channel, state};
+    use fusion_core::geometry::wgs84::Geodetic as Place;
+    use fusion_core::state::Dynamics;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Dead reckoning: position by the vehicle's velocity in its own axes and the attitude of a reference.
+    /// Driven by the channel `attitude` of its source.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct DeadReckoningSpec {
+        /// Initial 1σ of position, north east down. The position starts at the origin, or at the position from an
+        /// initialiser.
+        position_sigma: Axes<dim::Length, range::NonNegative>,
+        /// Random walk of the position, north east down: motion that is neither in the velocity nor in the drift.
+        #[serde(default)]
+        position_noise: Axes<dim::PositionRandomWalk, range::NonNegative>,
+        /// Initial 1σ of the velocity, forward right down; with `velocity_time` also the stationary 1σ.
+        velocity_sigma: Axes<dim::Speed, range::NonNegative>,
+        /// White noise density of the acceleration, forward right down; not with `velocity_time`.
+        #[serde(default)]
+        velocity_noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
+        /// Correlation time of a velocity that returns to zero; without it the velocity is a random walk.
+        velocity_time: Option<Positive<dim::Duration>>,
+        /// From the reference's heading to the true heading, clockwise; estimated as the state `heading_offset`.
+        #[serde(default)]
+        heading_offset: ScalarParam<dim::Angle>,
+        /// Velocity in addition to that in the vehicle's axes, north east down; estimated as the state `drift`.
+        #[serde(default)]
+        drift: VectorParam<dim::Speed>,
+    }
+
+    crate::register!(
+        Process,
+        "dead_reckoning",
+        DeadReckoningSpec,
+        r#"
+position_sigma = "1 m"
+velocity_sigma = ["1 m/s", "0.2 m/s", "0.1 m/s"]
+velocity_noise = ["0.1 m/s/sqrt(s)", "2 cm/s/sqrt(s)", "2 cm/s/sqrt(s)"]
+heading_offset = { estimate = true, initial = 0, sigma = "5 deg", random_walk = "0.1 deg/sqrt(s)" }
+drift = { estimate = true, initial = [0, 0, 0], sigma = ["0.2 m/s", "0.2 m/s", 0], correlation_time = "60 s" }
+"#
+    );
+
+    #[typetag::deserialize(name = "dead_reckoning")]
+    impl ProcessSpec for DeadReckoningSpec {
+        fn input(&self) -> Vec<Channel> {
+            vec![channel::ATTITUDE]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+            let place = b.origin.unwrap_or(Place::new(0.0, 0.0, 0.0));
+            let (sigma, noise) = (self.velocity_sigma.si(), self.velocity_noise.si());
+            let dynamics = match self.velocity_time {
+                None => Dynamics::RandomWalk {
+                    psd: noise.map(|n| n * n).to_vec(),
+                },
+                Some(tau) if noise == [0.0; 3] => Dynamics::GaussMarkov {
+                    sigma: sigma.to_vec(),
+                    tau: tau.si(),
+                },
+                Some(_) => {
+                    let message = "a velocity is a random walk or returns to zero, not both";
+                    let help = "with `velocity_time` the noise follows from `velocity_sigma`: leave `velocity_noise` out";
+                    return Err(BuildError::at("velocity_time", message).help(help));
+                }
+            };
+            Ok(Box::new(DeadReckoning {
+                position: b.declare(state::POSITION, "m", place, self.position_sigma.si().to_vec(), Dynamics::Process)?,
+                body_velocity: b.declare(state::BODY_VELOCITY, "m/s", Vector3::zeros(), sigma.to_vec(), dynamics)?,
+                heading_offset: b.param_named(state::HEADING_OFFSET, "heading_offset", &self.heading_offset)?,
+                drift: b.param_named(state::DRIFT, "drift", &self.drift)?,
+                velocity: b.signal(state::VELOCITY)?,
+                attitude: b.signal(state::ATTITUDE)?,
+                angular_rate: b.signal(state::ANGULAR_RATE)?,
+                position_psd: crate::process::kinematic::psd(self.position_noise.si()),
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::ProcessSpec;
+    use fusion_core::geometry::wgs84::Geodetic as Place;
     use fusion_core::state::LayoutBuilder;
 
     #[test]

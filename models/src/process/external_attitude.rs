@@ -17,99 +17,26 @@
 //!            errors of the reference
 //! Drift      a reference that removes its gyro bias, or is held by a compass, does not drift: leave b_g out
 
-use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::{Gravity, LocalEarth};
-use crate::param::VectorParam;
-use crate::process::agility::{Agility, AgilitySpec};
-use crate::process::kinematic::{Felt, Kinematic, psd, value};
+use crate::process::agility::Agility;
+use crate::process::kinematic::{Felt, Kinematic, value};
 use crate::process::strapdown::discrete::Slots;
 use crate::process::strapdown::error_model::{self, Blocks};
 use crate::process::strapdown::mechanisation::{self, Nav};
 use crate::process::strapdown::pairing::{Mode, Pairing, neighbour};
-use crate::units::{Axes, dim, range};
-use crate::vocabulary::{channel, state};
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Gap, Input, Preparation, Process, SignalsOut};
 use fusion_core::state::{Param, Signal, Vector};
 use nalgebra::{Matrix3, Vector3, Vector4};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-use super::strapdown::GravitySpec;
-
-/// Strapdown navigation that takes its rotation from an attitude reference: states position,
-/// velocity, attitude and, where declared, accelerometer and gyro bias; driven by the channels
-/// `specific_force` and `attitude` of its source.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ExternalAttitudeSpec {
-    /// White noise of the reference's rotation: the angle random walk.
-    attitude_noise: Axes<dim::AngleRandomWalk, range::NonNegative>,
-    /// White noise of the specific force: the velocity random walk, e.g. "70 ug/sqrt(Hz)".
-    accelerometer_noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
-    /// Accelerometer bias; estimated as the state `accel_bias`.
-    #[serde(default)]
-    accelerometer_bias: VectorParam<dim::Acceleration>,
-    /// Bias of the reference's gyros, with which its attitude drifts; estimated as the state `gyro_bias`.
-    #[serde(default)]
-    gyro_bias: VectorParam<dim::AngularRate>,
-    /// The gravity model.
-    #[serde(default)]
-    gravity: GravitySpec,
-    /// How fast the vehicle can change its motion, for gaps and spikes of the samples.
-    #[serde(default)]
-    agility: AgilitySpec,
-}
-
-crate::register!(
-    Process,
-    "strapdown_external_attitude",
-    ExternalAttitudeSpec,
-    r#"
-attitude_noise = "0.1 deg/sqrt(s)"
-accelerometer_noise = "70 ug/sqrt(Hz)"
-accelerometer_bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }
-gyro_bias = { estimate = true, initial = [0, 0, 0.001], sigma = "1 deg/h" }
-gravity = "somigliana"
-"#
-);
-
-#[typetag::deserialize(name = "strapdown_external_attitude")]
-impl ProcessSpec for ExternalAttitudeSpec {
-    fn input(&self) -> Vec<Channel> {
-        vec![channel::SPECIFIC_FORCE, channel::ATTITUDE]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
-        let gravity = self.gravity.into();
-        b.gravity = gravity;
-        Ok(Box::new(ExternalAttitude {
-            kinematic: Kinematic::declare(b)?,
-            accel_bias: b.body_param(state::ACCEL_BIAS, "accelerometer_bias", &self.accelerometer_bias)?,
-            gyro_bias: b.body_param(state::GYRO_BIAS, "gyro_bias", &self.gyro_bias)?,
-            angular_rate: b.signal(state::ANGULAR_RATE)?,
-            acceleration: b.signal(state::ACCELERATION)?,
-            attitude_psd: psd(self.attitude_noise.si()),
-            accel_psd: psd(self.accelerometer_noise.si()),
-            gravity,
-            agility: (&self.agility).into(),
-            changes: changes(&(&self.agility).into()),
-        }))
-    }
-}
 
 /// Numbers of a sample: specific force, attitude.
 const SAMPLE: usize = 7;
+
 /// The specific force among these numbers.
 const FORCE: usize = 3;
-
-/// The largest changes of the numbers of a sample; a quaternion may change its sign.
-fn changes(agility: &Agility) -> [f64; SAMPLE] {
-    let [_, _, _, x, y, z] = agility.changes();
-    let any = f64::INFINITY;
-    [x, y, z, any, any, any, any]
-}
 
 /// The rate of the reference \[rad/s\] over a sample of specific force and attitude; `None` over a held sample.
 fn turning(input: &Input<'_>) -> Option<Vector3<f64>> {
@@ -121,7 +48,7 @@ fn turning(input: &Input<'_>) -> Option<Vector3<f64>> {
 
 /// The runtime model.
 #[derive(Debug)]
-struct ExternalAttitude {
+pub struct ExternalAttitude {
     kinematic: Kinematic,
     accel_bias: Param<Vector<3>>,
     gyro_bias: Param<Vector<3>>,
@@ -264,9 +191,96 @@ impl Process for ExternalAttitude {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::param::VectorParam;
+    use crate::process::agility::AgilitySpec;
+    use crate::process::kinematic::psd;
+    use crate::process::strapdown::GravitySpec;
+    use crate::units::{Axes, dim, range};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Strapdown navigation that takes its rotation from an attitude reference: states position,
+    /// velocity, attitude and, where declared, accelerometer and gyro bias; driven by the channels
+    /// `specific_force` and `attitude` of its source.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct ExternalAttitudeSpec {
+        /// White noise of the reference's rotation: the angle random walk.
+        attitude_noise: Axes<dim::AngleRandomWalk, range::NonNegative>,
+        /// White noise of the specific force: the velocity random walk, e.g. "70 ug/sqrt(Hz)".
+        accelerometer_noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
+        /// Accelerometer bias; estimated as the state `accel_bias`.
+        #[serde(default)]
+        accelerometer_bias: VectorParam<dim::Acceleration>,
+        /// Bias of the reference's gyros, with which its attitude drifts; estimated as the state `gyro_bias`.
+        #[serde(default)]
+        gyro_bias: VectorParam<dim::AngularRate>,
+        /// The gravity model.
+        #[serde(default)]
+        gravity: GravitySpec,
+        /// How fast the vehicle can change its motion, for gaps and spikes of the samples.
+        #[serde(default)]
+        agility: AgilitySpec,
+    }
+
+    crate::register!(
+        Process,
+        "strapdown_external_attitude",
+        ExternalAttitudeSpec,
+        r#"
+attitude_noise = "0.1 deg/sqrt(s)"
+accelerometer_noise = "70 ug/sqrt(Hz)"
+accelerometer_bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }
+gyro_bias = { estimate = true, initial = [0, 0, 0.001], sigma = "1 deg/h" }
+gravity = "somigliana"
+"#
+    );
+
+    #[typetag::deserialize(name = "strapdown_external_attitude")]
+    impl ProcessSpec for ExternalAttitudeSpec {
+        fn input(&self) -> Vec<Channel> {
+            vec![channel::SPECIFIC_FORCE, channel::ATTITUDE]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+            let gravity = self.gravity.into();
+            b.gravity = gravity;
+            Ok(Box::new(ExternalAttitude {
+                kinematic: Kinematic::declare(b)?,
+                accel_bias: b.body_param(state::ACCEL_BIAS, "accelerometer_bias", &self.accelerometer_bias)?,
+                gyro_bias: b.body_param(state::GYRO_BIAS, "gyro_bias", &self.gyro_bias)?,
+                angular_rate: b.signal(state::ANGULAR_RATE)?,
+                acceleration: b.signal(state::ACCELERATION)?,
+                attitude_psd: psd(self.attitude_noise.si()),
+                accel_psd: psd(self.accelerometer_noise.si()),
+                gravity,
+                agility: (&self.agility).into(),
+                changes: changes(&(&self.agility).into()),
+            }))
+        }
+    }
+
+    /// The largest changes of the numbers of a sample; a quaternion may change its sign.
+    fn changes(agility: &Agility) -> [f64; SAMPLE] {
+        let [_, _, _, x, y, z] = agility.changes();
+        let any = f64::INFINITY;
+        [x, y, z, any, any, any, any]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::ProcessSpec;
     use fusion_core::geometry::wgs84::Geodetic as Place;
     use fusion_core::state::LayoutBuilder;
     use fusion_core::testing::check_process;

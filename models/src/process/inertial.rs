@@ -7,59 +7,17 @@
 //!            possible effect of the change from the neighbour's rate and force on attitude and velocity:
 //!            (T Δw)²/8, (T Δf)²/8 per axis and sample
 
-use super::kinematic::{Felt, psd, value};
+use super::kinematic::{Felt, value};
 use super::strapdown::discrete::{Slots, times_diagonal};
 use super::strapdown::increments;
 use super::strapdown::pairing::{Mode, Pairing, neighbour};
 use super::vibration::{self, Vibration};
-use crate::block::{Build, BuildError};
-use crate::param::VectorParam;
-use crate::units::{Axes, NonNegative, dim, range};
-use crate::vocabulary::state;
+use alloc::boxed::Box;
 use fusion_core::linear::Transition;
 use fusion_core::math;
 use fusion_core::model::{Input, Preparation, SignalsOut};
 use fusion_core::state::{Param, Signal, Tangent, Vector};
 use nalgebra::{Matrix3, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// The gyros.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GyroSpec {
-    /// White noise of the rate: the angle random walk, e.g. "0.125 deg/sqrt(h)".
-    noise: Axes<dim::AngleRandomWalk, range::NonNegative>,
-    /// Bias; estimated as the state `gyro_bias`.
-    #[serde(default)]
-    bias: VectorParam<dim::AngularRate>,
-    /// Scale factor error; estimated as the state `gyro_scale`.
-    #[serde(default)]
-    scale: VectorParam<dim::Ratio>,
-    /// White noise that grows with the rate of turn, in addition to `noise`: on every axis this value times the
-    /// magnitude of the rate. For errors of scale, alignment and sampling that differ from turn to turn, which a
-    /// constant `scale` does not describe.
-    #[serde(default)]
-    scale_noise: NonNegative<dim::ScaleNoise>,
-}
-
-/// The accelerometers.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct AccelerometerSpec {
-    /// White noise of the specific force: the velocity random walk, e.g. "70 ug/sqrt(Hz)".
-    noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
-    /// Bias; estimated as the state `accel_bias`.
-    #[serde(default)]
-    bias: VectorParam<dim::Acceleration>,
-    /// Scale factor error; estimated as the state `accel_scale`.
-    #[serde(default)]
-    scale: VectorParam<dim::Ratio>,
-    /// The window over which vibration is measured: per axis, the noise is then at least the scatter of the force in
-    /// it. 0 for constant noise.
-    #[serde(default)]
-    vibration: NonNegative<dim::Duration>,
-}
 
 /// The longest step of one linearisation \[s\]. In it, a turn of 0.5 rad/s is 0.1 rad, and a series for Φ neglects 0.5
 /// %. Inertial units run at 50 Hz and more; with slower units the motion between two samples is unknown.
@@ -70,7 +28,7 @@ pub(super) const IMU: usize = 6;
 
 /// The sensors of the unit, at run time.
 #[derive(Debug)]
-pub(super) struct Inertial {
+pub struct Inertial {
     gyro_bias: Param<Vector<3>>,
     accel_bias: Param<Vector<3>>,
     gyro_scale: Param<Vector<3>>,
@@ -152,27 +110,6 @@ impl Correction {
 }
 
 impl Inertial {
-    /// Declares the states of the sensors and the signal `angular_rate`.
-    pub(super) fn declare(
-        b: &mut Build<'_>,
-        gyro: &GyroSpec,
-        accelerometer: &AccelerometerSpec,
-        correction: Option<Mode>,
-    ) -> Result<Self, BuildError> {
-        Ok(Self {
-            gyro_bias: b.body_param(state::GYRO_BIAS, "gyro.bias", &gyro.bias)?,
-            accel_bias: b.body_param(state::ACCEL_BIAS, "accelerometer.bias", &accelerometer.bias)?,
-            gyro_scale: b.param_named(state::GYRO_SCALE, "gyro.scale", &gyro.scale)?,
-            accel_scale: b.param_named(state::ACCEL_SCALE, "accelerometer.scale", &accelerometer.scale)?,
-            angular_rate: b.signal(state::ANGULAR_RATE)?,
-            gyro_psd: psd(gyro.noise.si()).diagonal(),
-            accel_psd: psd(accelerometer.noise.si()).diagonal(),
-            gyro_scale_psd: math::powi(gyro.scale_noise.si(), 2),
-            correction,
-            vibration: Some(accelerometer.vibration.si()).filter(|window| *window > 0.0),
-        })
-    }
-
     pub(super) fn preparation(&self) -> Option<Box<dyn Preparation>> {
         let pairing = self.correction.map(|mode| Box::new(Pairing::new(mode)) as Box<dyn Preparation>);
         match self.vibration {
@@ -298,4 +235,79 @@ fn within_sample(input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
         })
     };
     (density(0), density(3))
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError};
+    use crate::param::VectorParam;
+    use crate::process::kinematic::psd;
+    use crate::units::{Axes, NonNegative, dim, range};
+    use crate::vocabulary::state;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// The gyros.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct GyroSpec {
+        /// White noise of the rate: the angle random walk, e.g. "0.125 deg/sqrt(h)".
+        noise: Axes<dim::AngleRandomWalk, range::NonNegative>,
+        /// Bias; estimated as the state `gyro_bias`.
+        #[serde(default)]
+        bias: VectorParam<dim::AngularRate>,
+        /// Scale factor error; estimated as the state `gyro_scale`.
+        #[serde(default)]
+        scale: VectorParam<dim::Ratio>,
+        /// White noise that grows with the rate of turn, in addition to `noise`: on every axis this value times the
+        /// magnitude of the rate. For errors of scale, alignment and sampling that differ from turn to turn, which a
+        /// constant `scale` does not describe.
+        #[serde(default)]
+        scale_noise: NonNegative<dim::ScaleNoise>,
+    }
+
+    /// The accelerometers.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct AccelerometerSpec {
+        /// White noise of the specific force: the velocity random walk, e.g. "70 ug/sqrt(Hz)".
+        noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
+        /// Bias; estimated as the state `accel_bias`.
+        #[serde(default)]
+        bias: VectorParam<dim::Acceleration>,
+        /// Scale factor error; estimated as the state `accel_scale`.
+        #[serde(default)]
+        scale: VectorParam<dim::Ratio>,
+        /// The window over which vibration is measured: per axis, the noise is then at least the scatter of the force in
+        /// it. 0 for constant noise.
+        #[serde(default)]
+        vibration: NonNegative<dim::Duration>,
+    }
+
+    impl Inertial {
+        /// Declares the states of the sensors and the signal `angular_rate`.
+        pub(crate) fn declare(
+            b: &mut Build<'_>,
+            gyro: &GyroSpec,
+            accelerometer: &AccelerometerSpec,
+            correction: Option<Mode>,
+        ) -> Result<Self, BuildError> {
+            Ok(Self {
+                gyro_bias: b.body_param(state::GYRO_BIAS, "gyro.bias", &gyro.bias)?,
+                accel_bias: b.body_param(state::ACCEL_BIAS, "accelerometer.bias", &accelerometer.bias)?,
+                gyro_scale: b.param_named(state::GYRO_SCALE, "gyro.scale", &gyro.scale)?,
+                accel_scale: b.param_named(state::ACCEL_SCALE, "accelerometer.scale", &accelerometer.scale)?,
+                angular_rate: b.signal(state::ANGULAR_RATE)?,
+                gyro_psd: psd(gyro.noise.si()).diagonal(),
+                accel_psd: psd(accelerometer.noise.si()).diagonal(),
+                gyro_scale_psd: math::powi(gyro.scale_noise.si(), 2),
+                correction,
+                vibration: Some(accelerometer.vibration.si()).filter(|window| *window > 0.0),
+            })
+        }
+    }
 }

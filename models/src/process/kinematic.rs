@@ -4,34 +4,22 @@ use super::agility::{Agility, Fading};
 use super::strapdown::discrete::Slots;
 use super::strapdown::error_model;
 use super::strapdown::mechanisation::Nav;
-use crate::block::{Build, BuildError};
 use crate::earth::{Gravity, LocalEarth};
-use crate::vocabulary::state;
+use alloc::vec::Vec;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
 use fusion_core::model::Gap;
-use fusion_core::state::{Dynamics, Geodetic, Manifold, Param, QuantityName, Vector};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use fusion_core::state::{Geodetic, Manifold, Param, Vector};
+use nalgebra::{Matrix3, Vector3};
 
 /// The states `position`, `velocity` and `attitude`, which the process moves over the ellipsoid.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Kinematic {
+pub struct Kinematic {
     pub(super) slots: Slots<Geodetic>,
 }
 
 impl Kinematic {
-    /// Declares the three; initialisers write them and their variances.
-    pub(super) fn declare(b: &mut Build<'_>) -> Result<Self, BuildError> {
-        let place = b.origin.unwrap_or(Place {
-            lat: 0.0,
-            lon: 0.0,
-            height: 0.0,
-        });
-        let slots = Slots::declare(b, state::POSITION, place)?;
-        Ok(Self { slots })
-    }
-
     /// The motion for [`Kinematic::coast`]: `felt` minus the rate and force of a vehicle at constant velocity and
     /// attitude.
     pub(super) fn motion(&self, x: &[f64], felt: &Felt, gravity: Gravity, motion: &mut Vec<f64>) {
@@ -108,17 +96,6 @@ impl<P: Manifold> Slots<P> {
         out.set(self.velocity, self.attitude, &(-c_nb * so3::skew(&fading.velocity)));
         out.set(self.attitude, self.attitude, &so3::rotation(&fading.turn.inverse()));
     }
-
-    /// Declares the position under this name, `velocity` and `attitude`; initialisers write them and
-    /// their variances.
-    pub(super) fn declare(b: &mut Build<'_>, position: QuantityName<'_, P>, at: P::Value) -> Result<Self, BuildError> {
-        let unset = vec![0.0; 3];
-        Ok(Self {
-            position: b.declare(position, "m", at, unset.clone(), Dynamics::Process)?,
-            velocity: b.declare(state::VELOCITY, "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?,
-            attitude: b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
-        })
-    }
 }
 
 /// The measurements of ideal inertial sensors.
@@ -150,7 +127,45 @@ pub(super) fn value(param: &Param<Vector<3>>, x: &[f64]) -> Vector3<f64> {
     param.stored(x).unwrap_or_default()
 }
 
-/// The power spectral density of white noise given as 1σ densities per axis.
-pub(super) fn psd(densities: [f64; 3]) -> Matrix3<f64> {
-    Matrix3::from_diagonal(&Vector3::from(densities.map(|n| n * n)))
+#[cfg(feature = "declare")]
+pub(super) use spec::psd;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError};
+    use crate::vocabulary::state;
+    use fusion_core::state::{Dynamics, QuantityName};
+    use nalgebra::UnitQuaternion;
+
+    impl Kinematic {
+        /// Declares the three; initialisers write them and their variances.
+        pub(crate) fn declare(b: &mut Build<'_>) -> Result<Self, BuildError> {
+            let place = b.origin.unwrap_or(Place {
+                lat: 0.0,
+                lon: 0.0,
+                height: 0.0,
+            });
+            let slots = Slots::declare(b, state::POSITION, place)?;
+            Ok(Self { slots })
+        }
+    }
+
+    impl<P: Manifold> Slots<P> {
+        /// Declares the position under this name, `velocity` and `attitude`; initialisers write them and
+        /// their variances.
+        pub(crate) fn declare(b: &mut Build<'_>, position: QuantityName<'_, P>, at: P::Value) -> Result<Self, BuildError> {
+            let unset = vec![0.0; 3];
+            Ok(Self {
+                position: b.declare(position, "m", at, unset.clone(), Dynamics::Process)?,
+                velocity: b.declare(state::VELOCITY, "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?,
+                attitude: b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
+            })
+        }
+    }
+
+    /// The power spectral density of white noise given as 1σ densities per axis.
+    pub(crate) fn psd(densities: [f64; 3]) -> Matrix3<f64> {
+        Matrix3::from_diagonal(&Vector3::from(densities.map(|n| n * n)))
+    }
 }

@@ -1,15 +1,15 @@
 //! Process models: how the state moves.
 
-mod agility;
-mod attitude_only;
-mod constant_velocity;
-mod dead_reckoning;
-mod external_attitude;
-mod hold;
-mod inertial;
-mod kinematic;
-mod planar_odometry;
+pub mod agility;
+pub mod attitude_only;
+pub mod constant_velocity;
+pub mod dead_reckoning;
+pub mod external_attitude;
+pub mod hold;
+pub mod inertial;
+pub mod kinematic;
+pub mod planar_odometry;
 pub mod strapdown;
-mod strapdown_local;
-mod unicycle;
-mod vibration;
+pub mod strapdown_local;
+pub mod unicycle;
+pub mod vibration;

@@ -16,89 +16,18 @@
 
 use super::strapdown::discrete::GAUSS;
 use super::unicycle::{arc, quarter};
-use crate::block::{Build, BuildError, Channel, ProcessSpec};
+use crate::earth::LocalFrame;
 use crate::earth::frames::rotation_en;
-use crate::earth::{Gravity, LocalEarth, LocalFrame};
-use crate::units::{NonNegative, dim};
-use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
 use fusion_core::math;
 use fusion_core::model::{Input, Order, Process, SignalsOut};
-use fusion_core::state::{Angle, Attitude, Dynamics, Geodetic, Position, Signal, Slot, Vector, Velocity, wrap};
+use fusion_core::state::{Angle, Attitude, Geodetic, Position, Signal, Slot, Vector, Velocity, wrap};
 use nalgebra::{Matrix1, Matrix2, Matrix3, Vector2, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Odometry in the plane: a robot whose speeds and rate of turn are measured. Driven by the channels
-/// `forward_speed`, `sideways_speed` and `yaw_rate` of its source. Needs an origin.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PlanarOdometrySpec {
-    /// White noise density of the speed ahead; 1σ of a sample over the root of the rate of samples.
-    forward_noise: NonNegative<dim::PositionRandomWalk>,
-    /// White noise density of the speed to the right.
-    sideways_noise: NonNegative<dim::PositionRandomWalk>,
-    /// White noise density of the yaw rate.
-    yaw_rate_noise: NonNegative<dim::AngleRandomWalk>,
-    /// Whether the speed to the right is measured too; otherwise it is 0 but for its noise.
-    #[serde(default = "yes")]
-    sideways: bool,
-}
-
-const fn yes() -> bool {
-    true
-}
-
-crate::register!(
-    Process,
-    "planar_odometry",
-    PlanarOdometrySpec,
-    r#"
-forward_noise = "1 mm/sqrt(s)"
-sideways_noise = "2 mm/sqrt(s)"
-yaw_rate_noise = "0.1 deg/sqrt(s)"
-sideways = true
-"#
-);
-
-#[typetag::deserialize(name = "planar_odometry")]
-impl ProcessSpec for PlanarOdometrySpec {
-    fn input(&self) -> Vec<Channel> {
-        let sideways = self.sideways.then_some(channel::SIDEWAYS_SPEED);
-        [channel::FORWARD_SPEED]
-            .into_iter()
-            .chain(sideways)
-            .chain([channel::YAW_RATE])
-            .collect()
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
-        let origin = b.origin()?;
-        let frame = LocalFrame::new(origin);
-        b.gravity = Gravity::Flat(LocalEarth::at(&origin).gravity(b.gravity));
-        let square = |density: f64| density * density;
-        let (position, heading) = (vec![0.0; 3], vec![0.0]);
-        Ok(Box::new(PlanarOdometry {
-            position: b.declare(state::LOCAL_POSITION, "m", Vector3::zeros(), position, Dynamics::Process)?,
-            heading: b.declare(state::HEADING, "rad", 0.0, heading, Dynamics::Process)?,
-            geodetic: b.signal(state::POSITION)?,
-            velocity: b.signal(state::VELOCITY)?,
-            attitude: b.signal(state::ATTITUDE)?,
-            angular_rate: b.signal(state::ANGULAR_RATE)?,
-            acceleration: b.signal(state::ACCELERATION)?,
-            speed_psd: Vector2::new(square(self.forward_noise.si()), square(self.sideways_noise.si())),
-            yaw_rate_psd: square(self.yaw_rate_noise.si()),
-            sideways: self.sideways,
-            c_en: rotation_en(origin.lat, origin.lon),
-            frame,
-        }))
-    }
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct PlanarOdometry {
+pub struct PlanarOdometry {
     position: Slot<Position>,
     heading: Slot<Angle>,
     geodetic: Signal<Geodetic>,
@@ -197,9 +126,93 @@ impl Process for PlanarOdometry {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::earth::{Gravity, LocalEarth};
+    use crate::units::{NonNegative, dim};
+    use crate::vocabulary::{channel, state};
+    use fusion_core::state::Dynamics;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Odometry in the plane: a robot whose speeds and rate of turn are measured. Driven by the channels
+    /// `forward_speed`, `sideways_speed` and `yaw_rate` of its source. Needs an origin.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct PlanarOdometrySpec {
+        /// White noise density of the speed ahead; 1σ of a sample over the root of the rate of samples.
+        forward_noise: NonNegative<dim::PositionRandomWalk>,
+        /// White noise density of the speed to the right.
+        sideways_noise: NonNegative<dim::PositionRandomWalk>,
+        /// White noise density of the yaw rate.
+        yaw_rate_noise: NonNegative<dim::AngleRandomWalk>,
+        /// Whether the speed to the right is measured too; otherwise it is 0 but for its noise.
+        #[serde(default = "yes")]
+        sideways: bool,
+    }
+
+    const fn yes() -> bool {
+        true
+    }
+
+    crate::register!(
+        Process,
+        "planar_odometry",
+        PlanarOdometrySpec,
+        r#"
+forward_noise = "1 mm/sqrt(s)"
+sideways_noise = "2 mm/sqrt(s)"
+yaw_rate_noise = "0.1 deg/sqrt(s)"
+sideways = true
+"#
+    );
+
+    #[typetag::deserialize(name = "planar_odometry")]
+    impl ProcessSpec for PlanarOdometrySpec {
+        fn input(&self) -> Vec<Channel> {
+            let sideways = self.sideways.then_some(channel::SIDEWAYS_SPEED);
+            [channel::FORWARD_SPEED]
+                .into_iter()
+                .chain(sideways)
+                .chain([channel::YAW_RATE])
+                .collect()
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+            let origin = b.origin()?;
+            let frame = LocalFrame::new(origin);
+            b.gravity = Gravity::Flat(LocalEarth::at(&origin).gravity(b.gravity));
+            let square = |density: f64| density * density;
+            let (position, heading) = (vec![0.0; 3], vec![0.0]);
+            Ok(Box::new(PlanarOdometry {
+                position: b.declare(state::LOCAL_POSITION, "m", Vector3::zeros(), position, Dynamics::Process)?,
+                heading: b.declare(state::HEADING, "rad", 0.0, heading, Dynamics::Process)?,
+                geodetic: b.signal(state::POSITION)?,
+                velocity: b.signal(state::VELOCITY)?,
+                attitude: b.signal(state::ATTITUDE)?,
+                angular_rate: b.signal(state::ANGULAR_RATE)?,
+                acceleration: b.signal(state::ACCELERATION)?,
+                speed_psd: Vector2::new(square(self.forward_noise.si()), square(self.sideways_noise.si())),
+                yaw_rate_psd: square(self.yaw_rate_noise.si()),
+                sideways: self.sideways,
+                c_en: rotation_en(origin.lat, origin.lon),
+                frame,
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::ProcessSpec;
+    use crate::earth::Gravity;
 
     #[test]
     fn sideways_on_a_circle_is_a_circle_about_another_centre() {

@@ -8,7 +8,7 @@
 //! Model      ṗ = v, v̇ = C f + g, Ċ = C \[w×\], g constant, down
 //! Discrete   exact for constant w and f: with Γ of [`gamma`](fusion_core::geometry::gamma),
 //!            C⁺ = C Γ₀(wΔt), v⁺ = v + gΔt + C Γ₁ f Δt, p⁺ = p + vΔt + ½gΔt² + C Γ₂ f Δt²
-//! Φ, Q       as [`discrete`](super::strapdown::discrete) says, exact by default: group-affine, so that
+//! Φ, Q       as [`discrete`] says, exact by default: group-affine, so that
 //!            Φ in an invariant chart of SE₂(3) does not depend on the state. Within 100 m and 10 m/s,
 //!            at 100 Hz, its largest element differs in the right-invariant chart by 0.6 1/s with Φ of
 //!            first order, 0.05 of second, 1e-11 (rounding) exact; 0.01 for `strapdown`, by the Earth's
@@ -18,116 +18,23 @@
 //!            errors of the gyros
 //! Source     Barrau and Bonnabel 2017; Hartley et al. 2020
 
-use super::inertial::{AccelerometerSpec, GyroSpec, IMU, Inertial, LONGEST_STEP};
+use super::inertial::{IMU, Inertial, LONGEST_STEP};
 use super::strapdown::discrete::{self, Discretisation, Slots};
-use super::strapdown::pairing::Mode;
-use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
+use crate::earth::LocalFrame;
 use crate::earth::frames::rotation_en;
-use crate::earth::{Gravity, LocalFrame};
-use crate::process::agility::{Agility, AgilitySpec};
-use crate::units::{Positive, STANDARD_GRAVITY, dim};
-use crate::vocabulary::state;
+use crate::process::agility::Agility;
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 use fusion_core::geometry::gamma::gamma;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Gap, Input, Order, Preparation, Process, SignalsOut};
 use fusion_core::state::{Geodetic, Position, Signal, Vector};
 use nalgebra::{Matrix3, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// By what a sample is corrected for coning and sculling.
-#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
-pub enum LocalIntegrator {
-    /// The sample before: no added delay.
-    #[default]
-    OneSample,
-    /// Its partner in pairs of samples: one sample later, more exact.
-    TwoSample,
-    /// Nothing: rate and force are constant within a sample.
-    Constant,
-}
-
-/// Strapdown inertial navigation over a plane with constant gravity that does not turn, for small areas
-/// and small drones: states local position, velocity, attitude and, where declared, biases and scale
-/// factors; driven by the channels `angular_rate` and `specific_force` of its source. Needs an origin.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct StrapdownLocalSpec {
-    /// The gyros: noise, bias, scale.
-    gyro: GyroSpec,
-    /// The accelerometers: noise, bias, scale.
-    accelerometer: AccelerometerSpec,
-    /// By what samples are corrected before they are integrated, exactly for constant rate and force.
-    #[serde(default)]
-    integrator: LocalIntegrator,
-    /// How Φ and Q of a step are computed.
-    #[serde(default = "exact")]
-    discretisation: Discretisation,
-    /// Gravity, down; standard gravity without it.
-    #[serde(default = "standard")]
-    gravity: Positive<dim::Acceleration>,
-    /// How fast the vehicle can change its motion, for gaps and spikes of the samples.
-    #[serde(default)]
-    agility: AgilitySpec,
-}
-
-const fn exact() -> Discretisation {
-    Discretisation::Exact
-}
-
-fn standard() -> Positive<dim::Acceleration> {
-    Positive::try_from_si(STANDARD_GRAVITY).unwrap_or_else(|_| unreachable!("standard gravity is positive"))
-}
-
-crate::register!(
-    Process,
-    "strapdown_local",
-    StrapdownLocalSpec,
-    r#"
-integrator = "one_sample"
-discretisation = "exact"
-gravity = "9.81 m/s^2"
-agility = { acceleration = ["3 m/s^2", "2 m/s^2", "1 m/s^2"], angular_rate = ["5 deg/s", "5 deg/s", "30 deg/s"], time = "1 s", tilt = "10 deg" }
-gyro = { noise = "0.2 deg/sqrt(h)", bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.1 deg/s", random_walk = "1e-5 rad/s/sqrt(s)" }, scale = { estimate = true, initial = [0, 0.02, 0], sigma = "1 %" } }
-accelerometer = { noise = ["70 ug/sqrt(Hz)", "70 ug/sqrt(Hz)", "90 ug/sqrt(Hz)"], bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }, scale = { estimate = true, initial = [0, 0, 0.01], sigma = "1 %" } }
-"#
-);
-
-#[typetag::deserialize(name = "strapdown_local")]
-impl ProcessSpec for StrapdownLocalSpec {
-    fn input(&self) -> Vec<Channel> {
-        imu_channels()
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
-        let frame = LocalFrame::new(b.origin()?);
-        let g = self.gravity.si();
-        b.gravity = Gravity::Flat(g);
-        let correction = match self.integrator {
-            LocalIntegrator::OneSample => Some(Mode::Previous),
-            LocalIntegrator::TwoSample => Some(Mode::Pairs),
-            LocalIntegrator::Constant => None,
-        };
-        Ok(Box::new(StrapdownLocal {
-            slots: Slots::declare(b, state::LOCAL_POSITION, Vector3::zeros())?,
-            inertial: Inertial::declare(b, &self.gyro, &self.accelerometer, correction)?,
-            geodetic: b.signal(state::POSITION)?,
-            acceleration: b.signal(state::ACCELERATION)?,
-            discretisation: self.discretisation,
-            gravity: Vector3::new(0.0, 0.0, g),
-            agility: (&self.agility).into(),
-            changes: Agility::from(&self.agility).changes(),
-            c_en: rotation_en(frame.origin().lat, frame.origin().lon),
-            frame,
-        }))
-    }
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct StrapdownLocal {
+pub struct StrapdownLocal {
     slots: Slots<Position>,
     inertial: Inertial,
     geodetic: Signal<Geodetic>,
@@ -239,6 +146,112 @@ impl Process for StrapdownLocal {
         out.add(self.geodetic, self.slots.position, &turn);
         out.add(self.acceleration, self.slots.attitude, &(-c_nb * so3::skew(&f.rate)));
         self.inertial.add_by_force(self.acceleration, &c_nb, &f, out);
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
+    use crate::earth::Gravity;
+    use crate::process::agility::AgilitySpec;
+    use crate::process::inertial::{AccelerometerSpec, GyroSpec};
+    use crate::process::strapdown::pairing::Mode;
+    use crate::units::{Positive, STANDARD_GRAVITY, dim};
+    use crate::vocabulary::state;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// By what a sample is corrected for coning and sculling.
+    #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
+    #[serde(rename_all = "snake_case")]
+    pub enum LocalIntegrator {
+        /// The sample before: no added delay.
+        #[default]
+        OneSample,
+        /// Its partner in pairs of samples: one sample later, more exact.
+        TwoSample,
+        /// Nothing: rate and force are constant within a sample.
+        Constant,
+    }
+
+    /// Strapdown inertial navigation over a plane with constant gravity that does not turn, for small areas
+    /// and small drones: states local position, velocity, attitude and, where declared, biases and scale
+    /// factors; driven by the channels `angular_rate` and `specific_force` of its source. Needs an origin.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct StrapdownLocalSpec {
+        /// The gyros: noise, bias, scale.
+        gyro: GyroSpec,
+        /// The accelerometers: noise, bias, scale.
+        accelerometer: AccelerometerSpec,
+        /// By what samples are corrected before they are integrated, exactly for constant rate and force.
+        #[serde(default)]
+        integrator: LocalIntegrator,
+        /// How Φ and Q of a step are computed.
+        #[serde(default = "exact")]
+        discretisation: Discretisation,
+        /// Gravity, down; standard gravity without it.
+        #[serde(default = "standard")]
+        gravity: Positive<dim::Acceleration>,
+        /// How fast the vehicle can change its motion, for gaps and spikes of the samples.
+        #[serde(default)]
+        agility: AgilitySpec,
+    }
+
+    const fn exact() -> Discretisation {
+        Discretisation::Exact
+    }
+
+    fn standard() -> Positive<dim::Acceleration> {
+        Positive::try_from_si(STANDARD_GRAVITY).unwrap_or_else(|_| unreachable!("standard gravity is positive"))
+    }
+
+    crate::register!(
+        Process,
+        "strapdown_local",
+        StrapdownLocalSpec,
+        r#"
+integrator = "one_sample"
+discretisation = "exact"
+gravity = "9.81 m/s^2"
+agility = { acceleration = ["3 m/s^2", "2 m/s^2", "1 m/s^2"], angular_rate = ["5 deg/s", "5 deg/s", "30 deg/s"], time = "1 s", tilt = "10 deg" }
+gyro = { noise = "0.2 deg/sqrt(h)", bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.1 deg/s", random_walk = "1e-5 rad/s/sqrt(s)" }, scale = { estimate = true, initial = [0, 0.02, 0], sigma = "1 %" } }
+accelerometer = { noise = ["70 ug/sqrt(Hz)", "70 ug/sqrt(Hz)", "90 ug/sqrt(Hz)"], bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }, scale = { estimate = true, initial = [0, 0, 0.01], sigma = "1 %" } }
+"#
+    );
+
+    #[typetag::deserialize(name = "strapdown_local")]
+    impl ProcessSpec for StrapdownLocalSpec {
+        fn input(&self) -> Vec<Channel> {
+            imu_channels()
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+            let frame = LocalFrame::new(b.origin()?);
+            let g = self.gravity.si();
+            b.gravity = Gravity::Flat(g);
+            let correction = match self.integrator {
+                LocalIntegrator::OneSample => Some(Mode::Previous),
+                LocalIntegrator::TwoSample => Some(Mode::Pairs),
+                LocalIntegrator::Constant => None,
+            };
+            Ok(Box::new(StrapdownLocal {
+                slots: Slots::declare(b, state::LOCAL_POSITION, Vector3::zeros())?,
+                inertial: Inertial::declare(b, &self.gyro, &self.accelerometer, correction)?,
+                geodetic: b.signal(state::POSITION)?,
+                acceleration: b.signal(state::ACCELERATION)?,
+                discretisation: self.discretisation,
+                gravity: Vector3::new(0.0, 0.0, g),
+                agility: (&self.agility).into(),
+                changes: Agility::from(&self.agility).changes(),
+                c_en: rotation_en(frame.origin().lat, frame.origin().lon),
+                frame,
+            }))
+        }
     }
 }
 

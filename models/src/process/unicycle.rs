@@ -13,19 +13,13 @@
 //!            acceleration (dv/dt, north east down)
 //! Valid      no slopes; the Earth's rotation is left out of angular_rate
 
-use crate::block::{Build, BuildError, Channel, ProcessSpec};
-use crate::param::ScalarParam;
-use crate::units::{self, Axes, Duration, NonNegative, Positive, dim, range};
-use crate::vocabulary::state;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::{Radii, divisible_cos, radii, radii_derivative};
 use fusion_core::linear::Transition;
 use fusion_core::math;
 use fusion_core::model::{Input, Process, SignalsOut};
-use fusion_core::state::{Angle, Attitude, Dynamics, Geodetic, Param, Scalar, Signal, Slot, Vector, Velocity, wrap};
+use fusion_core::state::{Angle, Attitude, Geodetic, Param, Scalar, Signal, Slot, Vector, Velocity, wrap};
 use nalgebra::{Matrix1, Matrix3, Vector2, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// sin(x)/x and its derivative.
 fn sinc(x: f64) -> (f64, f64) {
@@ -84,111 +78,9 @@ pub(super) fn carried(p: &Geodetic, after: &Geodetic, moved: &Vector2<f64>) -> (
     (carried, factor)
 }
 
-/// A vehicle that drives ahead and turns, in the horizontal plane; no input.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct UnicycleSpec {
-    /// White noise density of the acceleration ahead.
-    speed_noise: NonNegative<dim::VelocityRandomWalk>,
-    /// White noise density of the yaw acceleration.
-    yaw_rate_noise: NonNegative<dim::RateRandomWalk>,
-    /// Random walk of the heading: rotation that the yaw rate does not contain.
-    #[serde(default)]
-    heading_noise: NonNegative<dim::AngleRandomWalk>,
-    /// Random walk of the position, north east down: slip, and changes of height.
-    #[serde(default = "still")]
-    position_noise: Axes<dim::PositionRandomWalk, range::NonNegative>,
-    /// Initial 1σ of position, north east down; it starts at the origin, or at the position that an
-    /// initialiser gives.
-    position_sigma: Axes<dim::Length, range::NonNegative>,
-    /// Heading the filter starts from, clockwise from north.
-    #[serde(default)]
-    initial_heading: units::Angle,
-    /// Initial 1σ of heading.
-    heading_sigma: NonNegative<dim::Angle>,
-    /// Speed the filter starts from.
-    #[serde(default)]
-    initial_speed: units::Speed,
-    /// Initial 1σ of speed.
-    speed_sigma: NonNegative<dim::Speed>,
-    /// Initial 1σ of the yaw rate, which starts from zero.
-    yaw_rate_sigma: NonNegative<dim::AngularRate>,
-    /// How a vehicle that skids slides out of its turn: the speed sideways over speed times yaw rate; 0.3 s for
-    /// a skid-steered one of half a ton. Estimated as the state `side_slip`.
-    #[serde(default)]
-    side_slip: ScalarParam<dim::Duration>,
-    /// The longest step that one linearisation covers.
-    #[serde(default = "tenth")]
-    max_step: Positive<dim::Duration>,
-}
-
-fn still() -> Axes<dim::PositionRandomWalk, range::NonNegative> {
-    [NonNegative::default(); 3].into()
-}
-
-fn tenth() -> Positive<dim::Duration> {
-    #[expect(clippy::unwrap_used, reason = "a constant greater than 0")]
-    Positive::try_from_si(Duration::from_si(0.1).si()).unwrap()
-}
-
-crate::register!(
-    Process,
-    "unicycle",
-    UnicycleSpec,
-    r#"
-speed_noise = "0.3 m/s^2/sqrt(Hz)"
-yaw_rate_noise = "5 deg/s^2/sqrt(Hz)"
-heading_noise = "0.1 deg/sqrt(s)"
-position_noise = ["1 cm/sqrt(s)", "1 cm/sqrt(s)", "1 mm/sqrt(s)"]
-position_sigma = "10 m"
-initial_heading = "30 deg"
-heading_sigma = "10 deg"
-initial_speed = "1 m/s"
-speed_sigma = "1 m/s"
-yaw_rate_sigma = "5 deg/s"
-side_slip = { estimate = true, initial = "0.2 s", sigma = "0.2 s" }
-max_step = "0.1 s"
-"#
-);
-
-#[typetag::deserialize(name = "unicycle")]
-impl ProcessSpec for UnicycleSpec {
-    fn input(&self) -> Vec<Channel> {
-        Vec::new()
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
-        let origin = b.origin.unwrap_or(Geodetic::new(0.0, 0.0, 0.0));
-        let psd = |density: f64| density * density;
-        let heading = wrap(self.initial_heading.si());
-        Ok(Box::new(Unicycle {
-            position: b.declare(state::POSITION, "m", origin, self.position_sigma.si().to_vec(), Dynamics::Process)?,
-            heading: b.declare(state::HEADING, "rad", heading, vec![self.heading_sigma.si()], Dynamics::Process)?,
-            speed: b.declare(
-                state::SPEED,
-                "m/s",
-                self.initial_speed.si(),
-                vec![self.speed_sigma.si()],
-                Dynamics::Process,
-            )?,
-            yaw_rate: b.declare(state::YAW_RATE, "rad/s", 0.0, vec![self.yaw_rate_sigma.si()], Dynamics::Process)?,
-            side_slip: b.param_named(state::SIDE_SLIP, "side_slip", &self.side_slip)?,
-            velocity: b.signal(state::VELOCITY)?,
-            attitude: b.signal(state::ATTITUDE)?,
-            angular_rate: b.signal(state::ANGULAR_RATE)?,
-            acceleration: b.signal(state::ACCELERATION)?,
-            position_psd: Vector3::from(self.position_noise.si()).map(psd),
-            heading_psd: psd(self.heading_noise.si()),
-            speed_psd: psd(self.speed_noise.si()),
-            yaw_rate_psd: psd(self.yaw_rate_noise.si()),
-            max_step: self.max_step.si(),
-        }))
-    }
-}
-
 /// The runtime model.
 #[derive(Debug)]
-struct Unicycle {
+pub struct Unicycle {
     position: Slot<Geodetic>,
     heading: Slot<Angle>,
     speed: Slot<Scalar>,
@@ -292,9 +184,128 @@ impl Process for Unicycle {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::param::ScalarParam;
+    use crate::units::{self, Axes, Duration, NonNegative, Positive, dim, range};
+    use crate::vocabulary::state;
+    use fusion_core::state::Dynamics;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// A vehicle that drives ahead and turns, in the horizontal plane; no input.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct UnicycleSpec {
+        /// White noise density of the acceleration ahead.
+        speed_noise: NonNegative<dim::VelocityRandomWalk>,
+        /// White noise density of the yaw acceleration.
+        yaw_rate_noise: NonNegative<dim::RateRandomWalk>,
+        /// Random walk of the heading: rotation that the yaw rate does not contain.
+        #[serde(default)]
+        heading_noise: NonNegative<dim::AngleRandomWalk>,
+        /// Random walk of the position, north east down: slip, and changes of height.
+        #[serde(default = "still")]
+        position_noise: Axes<dim::PositionRandomWalk, range::NonNegative>,
+        /// Initial 1σ of position, north east down; it starts at the origin, or at the position that an
+        /// initialiser gives.
+        position_sigma: Axes<dim::Length, range::NonNegative>,
+        /// Heading the filter starts from, clockwise from north.
+        #[serde(default)]
+        initial_heading: units::Angle,
+        /// Initial 1σ of heading.
+        heading_sigma: NonNegative<dim::Angle>,
+        /// Speed the filter starts from.
+        #[serde(default)]
+        initial_speed: units::Speed,
+        /// Initial 1σ of speed.
+        speed_sigma: NonNegative<dim::Speed>,
+        /// Initial 1σ of the yaw rate, which starts from zero.
+        yaw_rate_sigma: NonNegative<dim::AngularRate>,
+        /// How a vehicle that skids slides out of its turn: the speed sideways over speed times yaw rate; 0.3 s for
+        /// a skid-steered one of half a ton. Estimated as the state `side_slip`.
+        #[serde(default)]
+        side_slip: ScalarParam<dim::Duration>,
+        /// The longest step that one linearisation covers.
+        #[serde(default = "tenth")]
+        max_step: Positive<dim::Duration>,
+    }
+
+    fn still() -> Axes<dim::PositionRandomWalk, range::NonNegative> {
+        [NonNegative::default(); 3].into()
+    }
+
+    fn tenth() -> Positive<dim::Duration> {
+        #[expect(clippy::unwrap_used, reason = "a constant greater than 0")]
+        Positive::try_from_si(Duration::from_si(0.1).si()).unwrap()
+    }
+
+    crate::register!(
+        Process,
+        "unicycle",
+        UnicycleSpec,
+        r#"
+speed_noise = "0.3 m/s^2/sqrt(Hz)"
+yaw_rate_noise = "5 deg/s^2/sqrt(Hz)"
+heading_noise = "0.1 deg/sqrt(s)"
+position_noise = ["1 cm/sqrt(s)", "1 cm/sqrt(s)", "1 mm/sqrt(s)"]
+position_sigma = "10 m"
+initial_heading = "30 deg"
+heading_sigma = "10 deg"
+initial_speed = "1 m/s"
+speed_sigma = "1 m/s"
+yaw_rate_sigma = "5 deg/s"
+side_slip = { estimate = true, initial = "0.2 s", sigma = "0.2 s" }
+max_step = "0.1 s"
+"#
+    );
+
+    #[typetag::deserialize(name = "unicycle")]
+    impl ProcessSpec for UnicycleSpec {
+        fn input(&self) -> Vec<Channel> {
+            Vec::new()
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+            let origin = b.origin.unwrap_or(Geodetic::new(0.0, 0.0, 0.0));
+            let psd = |density: f64| density * density;
+            let heading = wrap(self.initial_heading.si());
+            Ok(Box::new(Unicycle {
+                position: b.declare(state::POSITION, "m", origin, self.position_sigma.si().to_vec(), Dynamics::Process)?,
+                heading: b.declare(state::HEADING, "rad", heading, vec![self.heading_sigma.si()], Dynamics::Process)?,
+                speed: b.declare(
+                    state::SPEED,
+                    "m/s",
+                    self.initial_speed.si(),
+                    vec![self.speed_sigma.si()],
+                    Dynamics::Process,
+                )?,
+                yaw_rate: b.declare(state::YAW_RATE, "rad/s", 0.0, vec![self.yaw_rate_sigma.si()], Dynamics::Process)?,
+                side_slip: b.param_named(state::SIDE_SLIP, "side_slip", &self.side_slip)?,
+                velocity: b.signal(state::VELOCITY)?,
+                attitude: b.signal(state::ATTITUDE)?,
+                angular_rate: b.signal(state::ANGULAR_RATE)?,
+                acceleration: b.signal(state::ACCELERATION)?,
+                position_psd: Vector3::from(self.position_noise.si()).map(psd),
+                heading_psd: psd(self.heading_noise.si()),
+                speed_psd: psd(self.speed_noise.si()),
+                yaw_rate_psd: psd(self.yaw_rate_noise.si()),
+                max_step: self.max_step.si(),
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::ProcessSpec;
 
     #[test]
     fn a_full_circle_closes_and_half_of_one_is_a_diameter_across() {

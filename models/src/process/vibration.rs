@@ -7,10 +7,11 @@
 //! Valid      for vehicles whose own accelerations change slowly in the window
 
 use super::inertial::IMU;
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::model::{Input, Preparation, Prepared};
 use nalgebra::Vector3;
-use std::collections::VecDeque;
 
 /// The number of values that it adds to a sample.
 const ADDED: usize = 3;

@@ -14,36 +14,21 @@
 //!            the correlated part, and the second use of the same gyros
 //! Source     Sola, Deray, Atchuthan 2018 (arXiv 1812.01537), eqs. 66-71
 
-use super::{NED, XYZ};
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
-use crate::param::RotationParam;
-use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::{channel, state};
+use core::ops::Range;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Manifold, Param, Quantity, View};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
-use schemars::JsonSchema;
-use serde::Deserialize;
-use std::ops::Range;
-
-/// Attitude as a quaternion, from an attitude reference or a motion-capture system.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct AttitudeSpec {
-    /// Roll, pitch, yaw of the sensor's axes in the body: x_body = C(mounting) x_sensor.
-    #[serde(default)]
-    mounting: RotationParam,
-    /// Which part of the attitude is measured.
-    #[serde(default)]
-    part: Part,
-}
 
 /// The measured part of an attitude.
-#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
-enum Part {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "declare",
+    derive(serde::Deserialize, schemars::JsonSchema),
+    serde(rename_all = "snake_case")
+)]
+pub enum Part {
     /// The whole attitude: three rows, about the sensor's axes.
     #[default]
     All,
@@ -67,62 +52,8 @@ impl Part {
         }
     }
 
-    fn axes(self) -> &'static [&'static str] {
-        match self {
-            Self::All => XYZ,
-            Self::Navigation => NED,
-            Self::Tilt => &["north", "east"],
-            Self::Heading => &[],
-        }
-    }
-
-    /// The channel with the 1σ of its rows.
-    fn sigma(self) -> &'static str {
-        match self {
-            Self::All | Self::Navigation => "attitude_sigma",
-            Self::Tilt => "tilt_sigma",
-            Self::Heading => "heading_sigma",
-        }
-    }
-
     fn rows(self) -> usize {
         self.navigation_axes().map_or(3, |axes| axes.len())
-    }
-}
-
-crate::register!(
-    Sensor,
-    "attitude",
-    AttitudeSpec,
-    r#"
-mounting = { estimate = true, initial = [0, "1 deg", "30 deg"], sigma = "2 deg" }
-"#
-);
-
-#[typetag::deserialize(name = "attitude")]
-impl SensorSpec for AttitudeSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(channel::ATTITUDE)
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Angle::KIND.dimension; self.part.rows()]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        self.part.axes()
-    }
-
-    fn reported_sigma(&self) -> Option<Channel> {
-        Some(Channel::vector(self.part.sigma(), self.part.rows(), dim::Angle::KIND.dimension))
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        Ok(Box::new(MeasuredAttitude {
-            attitude: b.quantity(state::ATTITUDE)?,
-            mounting: b.param("mounting", &self.mounting)?,
-            part: self.part,
-        }))
     }
 }
 
@@ -133,7 +64,7 @@ pub(super) fn unit(z: &[f64]) -> UnitQuaternion<f64> {
 
 /// The runtime model.
 #[derive(Debug)]
-struct MeasuredAttitude {
+pub struct MeasuredAttitude {
     attitude: Quantity<Attitude>,
     mounting: Param<Attitude>,
     part: Part,
@@ -197,6 +128,89 @@ impl Measurement for MeasuredAttitude {
             }
         };
         Attitude::write(&turned, z);
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::block::{NED, XYZ};
+    use crate::param::RotationParam;
+    use crate::units::{Dimension, Dimensional, dim};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Attitude as a quaternion, from an attitude reference or a motion-capture system.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct AttitudeSpec {
+        /// Roll, pitch, yaw of the sensor's axes in the body: x_body = C(mounting) x_sensor.
+        #[serde(default)]
+        mounting: RotationParam,
+        /// Which part of the attitude is measured.
+        #[serde(default)]
+        part: Part,
+    }
+
+    crate::register!(
+        Sensor,
+        "attitude",
+        AttitudeSpec,
+        r#"
+mounting = { estimate = true, initial = [0, "1 deg", "30 deg"], sigma = "2 deg" }
+"#
+    );
+
+    impl Part {
+        fn axes(self) -> &'static [&'static str] {
+            match self {
+                Self::All => XYZ,
+                Self::Navigation => NED,
+                Self::Tilt => &["north", "east"],
+                Self::Heading => &[],
+            }
+        }
+
+        /// The channel with the 1σ of its rows.
+        fn sigma(self) -> &'static str {
+            match self {
+                Self::All | Self::Navigation => "attitude_sigma",
+                Self::Tilt => "tilt_sigma",
+                Self::Heading => "heading_sigma",
+            }
+        }
+    }
+
+    #[typetag::deserialize(name = "attitude")]
+    impl SensorSpec for AttitudeSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(channel::ATTITUDE)
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Angle::KIND.dimension; self.part.rows()]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            self.part.axes()
+        }
+
+        fn reported_sigma(&self) -> Option<Channel> {
+            Some(Channel::vector(self.part.sigma(), self.part.rows(), dim::Angle::KIND.dimension))
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            Ok(Box::new(MeasuredAttitude {
+                attitude: b.quantity(state::ATTITUDE)?,
+                mounting: b.param("mounting", &self.mounting)?,
+                part: self.part,
+            }))
+        }
     }
 }
 

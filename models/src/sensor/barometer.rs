@@ -10,23 +10,21 @@
 //! Source     ISO 2533:1975 (ICAO standard atmosphere)
 
 use super::vertical::Vertical;
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
-use crate::param::{ParamSpec, ScalarParam, VectorParam};
-use crate::units::{Dimension, Dimensional, Pressure, dim};
 use fusion_core::linear::Jacobian;
 use fusion_core::math;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Param, Scalar, View};
 use nalgebra::Matrix1;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Temperature at sea level T₀ \[K\].
 const TEMPERATURE: f64 = 288.15;
+
 /// Lapse rate L \[K/m\].
 const LAPSE_RATE: f64 = 6.5e-3;
+
 /// n = g₀ M/(R L) with g₀ = 9.80665 m/s² and R/M = 287.05287 J/(kg K).
-const EXPONENT: f64 = crate::units::STANDARD_GRAVITY / (287.052_87 * LAPSE_RATE);
+const EXPONENT: f64 = crate::earth::STANDARD_GRAVITY / (287.052_87 * LAPSE_RATE);
+
 /// Top of the troposphere \[m\].
 const TROPOPAUSE: f64 = 11_000.0;
 
@@ -42,62 +40,9 @@ fn logarithmic_slope(height: f64) -> f64 {
     -EXPONENT * LAPSE_RATE / (TEMPERATURE - LAPSE_RATE * height)
 }
 
-/// Static air pressure in the standard troposphere.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct BarometerSpec {
-    /// Sensor position in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Pressure at height zero of the standard atmosphere, which changes with the weather.
-    #[serde(default = "standard_pressure")]
-    sea_level_pressure: ScalarParam<dim::Pressure>,
-    /// Height that the atmosphere seems to add.
-    #[serde(default)]
-    bias: ScalarParam<dim::Length>,
-}
-
-fn standard_pressure() -> ScalarParam<dim::Pressure> {
-    ParamSpec::Fixed(Pressure::from_si(101_325.0))
-}
-
-crate::register!(
-    Sensor,
-    "barometer",
-    BarometerSpec,
-    r#"
-lever_arm = [0.5, 0, "-20 cm"]
-sea_level_pressure = { estimate = true, initial = "1013.25 hPa", sigma = "10 hPa", random_walk = "2 Pa/sqrt(s)" }
-bias = { estimate = true, initial = 0, sigma = "5 m", correlation_time = "600 s" }
-"#
-);
-
-#[typetag::deserialize(name = "barometer")]
-impl SensorSpec for BarometerSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(Channel::vector("pressure", 1, dim::Pressure::KIND.dimension))
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Pressure::KIND.dimension]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        if self.sea_level_pressure.initial().is_some_and(|p| p <= 0.0) {
-            return Err(BuildError::at("sea_level_pressure", "the pressure must be greater than 0")
-                .help("write e.g. \"1013.25 hPa\", the pressure at sea level"));
-        }
-        Ok(Box::new(Barometer {
-            point: Vertical::build(b, &self.lever_arm)?,
-            sea_level_pressure: b.param("sea_level_pressure", &self.sea_level_pressure)?,
-            bias: b.param("bias", &self.bias)?,
-        }))
-    }
-}
-
 /// The runtime model.
 #[derive(Debug)]
-struct Barometer {
+pub struct Barometer {
     point: Vertical,
     sea_level_pressure: Param<Scalar>,
     bias: Param<Scalar>,
@@ -132,6 +77,72 @@ impl Measurement for Barometer {
         h.add(0, &self.bias, &Matrix1::new(slope));
         h.add(0, &self.sea_level_pressure, &Matrix1::new(ratio));
         Ok(())
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::param::{ParamSpec, ScalarParam, VectorParam};
+    use crate::units::{Dimension, Dimensional, Pressure, dim};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Static air pressure in the standard troposphere.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct BarometerSpec {
+        /// Sensor position in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Pressure at height zero of the standard atmosphere, which changes with the weather.
+        #[serde(default = "standard_pressure")]
+        sea_level_pressure: ScalarParam<dim::Pressure>,
+        /// Height that the atmosphere seems to add.
+        #[serde(default)]
+        bias: ScalarParam<dim::Length>,
+    }
+
+    fn standard_pressure() -> ScalarParam<dim::Pressure> {
+        ParamSpec::Fixed(Pressure::from_si(101_325.0))
+    }
+
+    crate::register!(
+        Sensor,
+        "barometer",
+        BarometerSpec,
+        r#"
+lever_arm = [0.5, 0, "-20 cm"]
+sea_level_pressure = { estimate = true, initial = "1013.25 hPa", sigma = "10 hPa", random_walk = "2 Pa/sqrt(s)" }
+bias = { estimate = true, initial = 0, sigma = "5 m", correlation_time = "600 s" }
+"#
+    );
+
+    #[typetag::deserialize(name = "barometer")]
+    impl SensorSpec for BarometerSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(Channel::vector("pressure", 1, dim::Pressure::KIND.dimension))
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Pressure::KIND.dimension]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            if self.sea_level_pressure.initial().is_some_and(|p| p <= 0.0) {
+                return Err(BuildError::at("sea_level_pressure", "the pressure must be greater than 0")
+                    .help("write e.g. \"1013.25 hPa\", the pressure at sea level"));
+            }
+            Ok(Box::new(Barometer {
+                point: Vertical::build(b, &self.lever_arm)?,
+                sea_level_pressure: b.param("sea_level_pressure", &self.sea_level_pressure)?,
+                bias: b.param("bias", &self.bias)?,
+            }))
+        }
     }
 }
 

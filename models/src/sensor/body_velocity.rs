@@ -16,228 +16,16 @@
 //!            7e-5 m/s per metre of lever arm, the Earth's rotation
 //! Source     Groves 2013, §14.3.2 (odometry, motion constraints), §15.4
 
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
-use crate::param::{RotationParam, ScalarParam, VectorParam};
-use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::{channel, parameter, state};
+use alloc::vec::Vec;
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Scalar, Tangent, Vector, Velocity, View};
 use nalgebra::{Matrix3, SMatrix, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Forward, right, down of the sensor's axes.
-const AXES: [Vector3<f64>; 3] = [
-    Vector3::new(1.0, 0.0, 0.0),
-    Vector3::new(0.0, 1.0, 0.0),
-    Vector3::new(0.0, 0.0, 1.0),
-];
-
-/// Velocity over ground in the sensor's own axes: a Doppler log.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct BodyVelocitySpec {
-    /// Sensor position in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    pub(super) lever_arm: VectorParam<dim::Length>,
-    /// Roll, pitch, yaw of the sensor's axes in the body: x_body = C(mounting) x_sensor.
-    #[serde(default)]
-    pub(super) mounting: RotationParam,
-    /// Scale error κ: the sensor reads (1 + κ) of the velocity.
-    #[serde(default)]
-    pub(super) scale: ScalarParam<dim::Ratio>,
-    /// Bias in the sensor's axes, added to the true velocity.
-    #[serde(default)]
-    pub(super) bias: VectorParam<dim::Speed>,
-    /// Velocity of the water over ground, north east down: for a log that measures against the water, not the bottom.
-    #[serde(default)]
-    pub(super) current: VectorParam<dim::Speed>,
-}
-
-crate::register!(
-    Sensor,
-    "body_velocity",
-    BodyVelocitySpec,
-    r#"
-lever_arm = { estimate = true, initial = [0.4, 0.1, "60 cm"], sigma = "10 cm" }
-mounting = { estimate = true, initial = [0, 0, "45 deg"], sigma = "1 deg" }
-scale = { estimate = true, initial = 0, sigma = "1 %" }
-bias = { estimate = true, initial = [0, 0, 0], sigma = "5 cm/s", correlation_time = "60 s" }
-current = { estimate = true, initial = ["30 cm/s", 0, 0], sigma = ["0.5 m/s", "0.5 m/s", 0], correlation_time = "20 min" }
-"#
-);
-
-/// Speed along the forward axis of a vehicle: an odometer, a wheel encoder, a water log. It does not measure motion
-/// sideways and down, so these velocities drift. Add a sensor `nonholonomic` if the vehicle hardly slips; for a water
-/// log let both sensors share the `current`.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct OdometerSpec {
-    /// Where the speed is measured, in body axes from the body origin (the IMU): a wheel, the middle of the rear axle.
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Roll, pitch, yaw of the vehicle's axes in the body: x_body = C(mounting) x_vehicle.
-    #[serde(default)]
-    mounting: RotationParam,
-    /// Scale error κ: the sensor reads (1 + κ) of the speed.
-    #[serde(default)]
-    scale: ScalarParam<dim::Ratio>,
-    /// Velocity of the water over ground, north east down: for a log that measures against the water.
-    #[serde(default)]
-    current: VectorParam<dim::Speed>,
-}
-
-crate::register!(
-    Sensor,
-    "odometer",
-    OdometerSpec,
-    r#"
-lever_arm = ["-1.2 m", "0.7 m", "0.4 m"]
-mounting = { estimate = true, initial = ["0.5 deg", "-1 deg", "2 deg"], sigma = [0, "1 deg", "1 deg"] }
-scale = { estimate = true, initial = "1 %", sigma = "3 %", random_walk = "0.01 %/sqrt(s)" }
-"#
-);
-
-/// Pseudo-measurement: a wheeled or tracked vehicle has no velocity sideways or up, a boat has no velocity sideways
-/// through the water.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct NonholonomicSpec {
-    /// Where the constraint holds, in body axes from the body origin (the IMU): the middle of
-    /// the axle that does not steer.
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Roll, pitch, yaw of the vehicle's axes in the body: x_body = C(mounting) x_vehicle.
-    #[serde(default)]
-    mounting: RotationParam,
-    /// Which velocities are zero.
-    #[serde(default)]
-    axes: Constraint,
-    /// Velocity of the water over ground, north east down: for a boat without leeway, which does not move sideways
-    /// through the water.
-    #[serde(default)]
-    current: VectorParam<dim::Speed>,
-}
-
-/// The axes of a nonholonomic constraint.
-#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
-enum Constraint {
-    /// Right and down.
-    #[default]
-    Both,
-    /// Right only.
-    Right,
-    /// Down only.
-    Down,
-}
-
-impl Constraint {
-    fn rows(self) -> &'static [Vector3<f64>] {
-        match self {
-            Self::Both => &AXES[1..],
-            Self::Right => &AXES[1..2],
-            Self::Down => &AXES[2..],
-        }
-    }
-
-    const fn names(self) -> &'static [&'static str] {
-        match self {
-            Self::Both => &["right", "down"],
-            Self::Right => &["right"],
-            Self::Down => &["down"],
-        }
-    }
-}
-
-crate::register!(
-    Sensor,
-    "nonholonomic",
-    NonholonomicSpec,
-    r#"
-lever_arm = { estimate = true, initial = ["-1.2 m", 0, "0.4 m"], sigma = "10 cm" }
-mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, "1 deg", "1 deg"] }
-axes = "both"
-current = { estimate = true, initial = [0, 0, 0], sigma = ["0.5 m/s", "0.5 m/s", 0], correlation_time = "20 min" }
-"#
-);
-
-impl BodyVelocitySpec {
-    /// The model of the components along these directions of the sensor's axes.
-    pub(super) fn along(&self, b: &mut Build<'_>, directions: &[Vector3<f64>]) -> Result<BodyVelocity, BuildError> {
-        let scale = b.param("scale", &self.scale)?;
-        let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, directions)?;
-        model.scale = scale;
-        model.bias = b.param("bias", &self.bias)?;
-        model.current = b.param(parameter::CURRENT, &self.current)?;
-        Ok(model)
-    }
-}
-
-#[typetag::deserialize(name = "body_velocity")]
-impl SensorSpec for BodyVelocitySpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(channel::BODY_VELOCITY)
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Speed::KIND.dimension; 3]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        &["forward", "right", "down"]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        Ok(Box::new(self.along(b, &AXES)?))
-    }
-}
-
-#[typetag::deserialize(name = "odometer")]
-impl SensorSpec for OdometerSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(Channel::vector("speed", 1, dim::Speed::KIND.dimension))
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Speed::KIND.dimension]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let scale = b.param("scale", &self.scale)?;
-        let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, &AXES[..1])?;
-        model.scale = scale;
-        model.current = b.param(parameter::CURRENT, &self.current)?;
-        Ok(Box::new(model))
-    }
-}
-
-#[typetag::deserialize(name = "nonholonomic")]
-impl SensorSpec for NonholonomicSpec {
-    fn reading(&self) -> Reading {
-        Reading::Constant(vec![0.0; self.axes.rows().len()])
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Speed::KIND.dimension; self.axes.rows().len()]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        self.axes.names()
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, self.axes.rows())?;
-        model.current = b.param(parameter::CURRENT, &self.current)?;
-        Ok(Box::new(model))
-    }
-}
 
 /// The runtime model of these sensors.
 #[derive(Clone, Debug)]
-pub(super) struct BodyVelocity {
+pub struct BodyVelocity {
     velocity: Quantity<Velocity>,
     attitude: Quantity<Attitude>,
     rate: Option<Quantity<Vector<3>>>,
@@ -251,33 +39,6 @@ pub(super) struct BodyVelocity {
 }
 
 impl BodyVelocity {
-    /// Over ground, without scale error and bias.
-    fn build(
-        b: &mut Build<'_>,
-        lever_arm: &VectorParam<dim::Length>,
-        mounting: &RotationParam,
-        directions: &[Vector3<f64>],
-    ) -> Result<Self, BuildError> {
-        let lever_arm = b.param("lever_arm", lever_arm)?;
-        let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
-        Ok(Self {
-            velocity: b.quantity(state::VELOCITY)?,
-            attitude: b.quantity(state::ATTITUDE)?,
-            // Without a lever arm the rate does not matter, and not every process has one.
-            rate: if at_the_body {
-                None
-            } else {
-                Some(b.quantity(state::ANGULAR_RATE)?)
-            },
-            lever_arm,
-            mounting: b.param("mounting", mounting)?,
-            scale: Param::Fixed(0.0),
-            bias: Param::Fixed(Vector3::zeros()),
-            current: Param::Fixed(Vector3::zeros()),
-            directions: directions.to_vec(),
-        })
-    }
-
     /// `C_nbᵀ (v − c)`, the body's velocity in body axes, and `u_b`, the velocity of the point.
     fn velocities(&self, at: &View<'_>) -> (Vector3<f64>, Vector3<f64>) {
         let v_n = at.get(&self.velocity) - at.get(&self.current);
@@ -325,6 +86,256 @@ impl Measurement for BodyVelocity {
             self.add(h, &self.lever_arm, &(scaled * skew(&at.get(rate))));
         }
         Ok(())
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::param::{RotationParam, ScalarParam, VectorParam};
+    use crate::units::{Dimension, Dimensional, dim};
+    use crate::vocabulary::{channel, parameter, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Forward, right, down of the sensor's axes.
+    pub(super) const AXES: [Vector3<f64>; 3] = [
+        Vector3::new(1.0, 0.0, 0.0),
+        Vector3::new(0.0, 1.0, 0.0),
+        Vector3::new(0.0, 0.0, 1.0),
+    ];
+
+    /// Velocity over ground in the sensor's own axes: a Doppler log.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct BodyVelocitySpec {
+        /// Sensor position in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        pub(crate) lever_arm: VectorParam<dim::Length>,
+        /// Roll, pitch, yaw of the sensor's axes in the body: x_body = C(mounting) x_sensor.
+        #[serde(default)]
+        pub(crate) mounting: RotationParam,
+        /// Scale error κ: the sensor reads (1 + κ) of the velocity.
+        #[serde(default)]
+        pub(crate) scale: ScalarParam<dim::Ratio>,
+        /// Bias in the sensor's axes, added to the true velocity.
+        #[serde(default)]
+        pub(crate) bias: VectorParam<dim::Speed>,
+        /// Velocity of the water over ground, north east down: for a log that measures against the water, not the bottom.
+        #[serde(default)]
+        pub(crate) current: VectorParam<dim::Speed>,
+    }
+
+    crate::register!(
+        Sensor,
+        "body_velocity",
+        BodyVelocitySpec,
+        r#"
+lever_arm = { estimate = true, initial = [0.4, 0.1, "60 cm"], sigma = "10 cm" }
+mounting = { estimate = true, initial = [0, 0, "45 deg"], sigma = "1 deg" }
+scale = { estimate = true, initial = 0, sigma = "1 %" }
+bias = { estimate = true, initial = [0, 0, 0], sigma = "5 cm/s", correlation_time = "60 s" }
+current = { estimate = true, initial = ["30 cm/s", 0, 0], sigma = ["0.5 m/s", "0.5 m/s", 0], correlation_time = "20 min" }
+"#
+    );
+
+    /// Speed along the forward axis of a vehicle: an odometer, a wheel encoder, a water log. It does not measure motion
+    /// sideways and down, so these velocities drift. Add a sensor `nonholonomic` if the vehicle hardly slips; for a water
+    /// log let both sensors share the `current`.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct OdometerSpec {
+        /// Where the speed is measured, in body axes from the body origin (the IMU): a wheel, the middle of the rear axle.
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Roll, pitch, yaw of the vehicle's axes in the body: x_body = C(mounting) x_vehicle.
+        #[serde(default)]
+        mounting: RotationParam,
+        /// Scale error κ: the sensor reads (1 + κ) of the speed.
+        #[serde(default)]
+        scale: ScalarParam<dim::Ratio>,
+        /// Velocity of the water over ground, north east down: for a log that measures against the water.
+        #[serde(default)]
+        current: VectorParam<dim::Speed>,
+    }
+
+    crate::register!(
+        Sensor,
+        "odometer",
+        OdometerSpec,
+        r#"
+lever_arm = ["-1.2 m", "0.7 m", "0.4 m"]
+mounting = { estimate = true, initial = ["0.5 deg", "-1 deg", "2 deg"], sigma = [0, "1 deg", "1 deg"] }
+scale = { estimate = true, initial = "1 %", sigma = "3 %", random_walk = "0.01 %/sqrt(s)" }
+"#
+    );
+
+    /// Pseudo-measurement: a wheeled or tracked vehicle has no velocity sideways or up, a boat has no velocity sideways
+    /// through the water.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct NonholonomicSpec {
+        /// Where the constraint holds, in body axes from the body origin (the IMU): the middle of
+        /// the axle that does not steer.
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Roll, pitch, yaw of the vehicle's axes in the body: x_body = C(mounting) x_vehicle.
+        #[serde(default)]
+        mounting: RotationParam,
+        /// Which velocities are zero.
+        #[serde(default)]
+        axes: Constraint,
+        /// Velocity of the water over ground, north east down: for a boat without leeway, which does not move sideways
+        /// through the water.
+        #[serde(default)]
+        current: VectorParam<dim::Speed>,
+    }
+
+    /// The axes of a nonholonomic constraint.
+    #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
+    #[serde(rename_all = "snake_case")]
+    pub(super) enum Constraint {
+        /// Right and down.
+        #[default]
+        Both,
+        /// Right only.
+        Right,
+        /// Down only.
+        Down,
+    }
+
+    impl Constraint {
+        pub(super) fn rows(self) -> &'static [Vector3<f64>] {
+            match self {
+                Self::Both => &AXES[1..],
+                Self::Right => &AXES[1..2],
+                Self::Down => &AXES[2..],
+            }
+        }
+
+        const fn names(self) -> &'static [&'static str] {
+            match self {
+                Self::Both => &["right", "down"],
+                Self::Right => &["right"],
+                Self::Down => &["down"],
+            }
+        }
+    }
+
+    crate::register!(
+        Sensor,
+        "nonholonomic",
+        NonholonomicSpec,
+        r#"
+lever_arm = { estimate = true, initial = ["-1.2 m", 0, "0.4 m"], sigma = "10 cm" }
+mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, "1 deg", "1 deg"] }
+axes = "both"
+current = { estimate = true, initial = [0, 0, 0], sigma = ["0.5 m/s", "0.5 m/s", 0], correlation_time = "20 min" }
+"#
+    );
+
+    impl BodyVelocitySpec {
+        /// The model of the components along these directions of the sensor's axes.
+        pub(crate) fn along(&self, b: &mut Build<'_>, directions: &[Vector3<f64>]) -> Result<BodyVelocity, BuildError> {
+            let scale = b.param("scale", &self.scale)?;
+            let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, directions)?;
+            model.scale = scale;
+            model.bias = b.param("bias", &self.bias)?;
+            model.current = b.param(parameter::CURRENT, &self.current)?;
+            Ok(model)
+        }
+    }
+
+    #[typetag::deserialize(name = "body_velocity")]
+    impl SensorSpec for BodyVelocitySpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(channel::BODY_VELOCITY)
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Speed::KIND.dimension; 3]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            &["forward", "right", "down"]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            Ok(Box::new(self.along(b, &AXES)?))
+        }
+    }
+
+    #[typetag::deserialize(name = "odometer")]
+    impl SensorSpec for OdometerSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(Channel::vector("speed", 1, dim::Speed::KIND.dimension))
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Speed::KIND.dimension]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            let scale = b.param("scale", &self.scale)?;
+            let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, &AXES[..1])?;
+            model.scale = scale;
+            model.current = b.param(parameter::CURRENT, &self.current)?;
+            Ok(Box::new(model))
+        }
+    }
+
+    #[typetag::deserialize(name = "nonholonomic")]
+    impl SensorSpec for NonholonomicSpec {
+        fn reading(&self) -> Reading {
+            Reading::Constant(vec![0.0; self.axes.rows().len()])
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Speed::KIND.dimension; self.axes.rows().len()]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            self.axes.names()
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, self.axes.rows())?;
+            model.current = b.param(parameter::CURRENT, &self.current)?;
+            Ok(Box::new(model))
+        }
+    }
+
+    impl BodyVelocity {
+        /// Over ground, without scale error and bias.
+        fn build(
+            b: &mut Build<'_>,
+            lever_arm: &VectorParam<dim::Length>,
+            mounting: &RotationParam,
+            directions: &[Vector3<f64>],
+        ) -> Result<Self, BuildError> {
+            let lever_arm = b.param("lever_arm", lever_arm)?;
+            let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
+            Ok(Self {
+                velocity: b.quantity(state::VELOCITY)?,
+                attitude: b.quantity(state::ATTITUDE)?,
+                // Without a lever arm the rate does not matter, and not every process has one.
+                rate: if at_the_body {
+                    None
+                } else {
+                    Some(b.quantity(state::ANGULAR_RATE)?)
+                },
+                lever_arm,
+                mounting: b.param("mounting", mounting)?,
+                scale: Param::Fixed(0.0),
+                bias: Param::Fixed(Vector3::zeros()),
+                current: Param::Fixed(Vector3::zeros()),
+                directions: directions.to_vec(),
+            })
+        }
     }
 }
 

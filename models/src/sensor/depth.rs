@@ -8,64 +8,14 @@
 //! Not here   waves (noise, or a Gauss-Markov `surface`), water density
 
 use super::vertical::Vertical;
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
-use crate::param::{ScalarParam, VectorParam};
-use crate::units::{Dimension, Dimensional, dim};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Param, Scalar, View};
 use nalgebra::Matrix1;
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Depth below the water's surface, down positive.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DepthSpec {
-    /// Sensor position in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Height of the water's surface above the ellipsoid: geoid and tide.
-    #[serde(default)]
-    surface: ScalarParam<dim::Length>,
-    /// Depth bias, down positive.
-    #[serde(default)]
-    bias: ScalarParam<dim::Length>,
-}
-
-crate::register!(
-    Sensor,
-    "depth",
-    DepthSpec,
-    r#"
-lever_arm = [0, 0, "30 cm"]
-surface = { estimate = true, initial = "28 m", sigma = "1 m", random_walk = "5 mm/sqrt(s)" }
-bias = { estimate = true, initial = 0, sigma = "10 cm" }
-"#
-);
-
-#[typetag::deserialize(name = "depth")]
-impl SensorSpec for DepthSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(Channel::vector("depth", 1, dim::Length::KIND.dimension))
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Length::KIND.dimension]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        Ok(Box::new(Depth {
-            point: Vertical::build(b, &self.lever_arm)?,
-            surface: b.param("surface", &self.surface)?,
-            bias: b.param("bias", &self.bias)?,
-        }))
-    }
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct Depth {
+pub struct Depth {
     point: Vertical,
     surface: Param<Scalar>,
     bias: Param<Scalar>,
@@ -86,6 +36,64 @@ impl Measurement for Depth {
         h.add(0, &self.surface, &Matrix1::new(1.0));
         h.add(0, &self.bias, &Matrix1::new(1.0));
         Ok(())
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::param::{ScalarParam, VectorParam};
+    use crate::units::{Dimension, Dimensional, dim};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Depth below the water's surface, down positive.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct DepthSpec {
+        /// Sensor position in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Height of the water's surface above the ellipsoid: geoid and tide.
+        #[serde(default)]
+        surface: ScalarParam<dim::Length>,
+        /// Depth bias, down positive.
+        #[serde(default)]
+        bias: ScalarParam<dim::Length>,
+    }
+
+    crate::register!(
+        Sensor,
+        "depth",
+        DepthSpec,
+        r#"
+lever_arm = [0, 0, "30 cm"]
+surface = { estimate = true, initial = "28 m", sigma = "1 m", random_walk = "5 mm/sqrt(s)" }
+bias = { estimate = true, initial = 0, sigma = "10 cm" }
+"#
+    );
+
+    #[typetag::deserialize(name = "depth")]
+    impl SensorSpec for DepthSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(Channel::vector("depth", 1, dim::Length::KIND.dimension))
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Length::KIND.dimension]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            Ok(Box::new(Depth {
+                point: Vertical::build(b, &self.lever_arm)?,
+                surface: b.param("surface", &self.surface)?,
+                bias: b.param("bias", &self.bias)?,
+            }))
+        }
     }
 }
 

@@ -8,67 +8,16 @@
 //! Not here   multipath (a gate or a loss), the receiver's clock
 //! Source     Groves 2013, §14.3.1
 
-use super::NED;
-use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::param::VectorParam;
-use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{rotation, times_skew};
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Manifold, Param, Quantity, Vector, View};
 use nalgebra::{Matrix3, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// GNSS position with an antenna lever arm and a correlated error.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GnssPositionSpec {
-    /// Antenna position in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Correlated position error, north east down; give it a `correlation_time`.
-    #[serde(default)]
-    bias: VectorParam<dim::Length>,
-    /// Use north and east only.
-    #[serde(default)]
-    horizontal: bool,
-}
-
-crate::register!(
-    Sensor,
-    "gnss_position",
-    GnssPositionSpec,
-    r#"
-lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
-bias = { estimate = true, initial = [0, 0, 0], sigma = "1 m", correlation_time = "100 s" }
-"#
-);
-
-#[typetag::deserialize(name = "gnss_position")]
-impl SensorSpec for GnssPositionSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(channel::POSITION)
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Length::KIND.dimension; self.axes().len()]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        if self.horizontal { &NED[..2] } else { NED }
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        Ok(Box::new(Fix::build(b, &self.lever_arm, &self.bias, self.axes().len())?))
-    }
-}
 
 /// The runtime model: a fix of a point of the body, its first `rows` of north, east, down.
 #[derive(Debug)]
-pub(super) struct Fix {
+pub struct Fix {
     position: Quantity<Geodetic>,
     attitude: Option<Quantity<Attitude>>,
     lever_arm: Param<Vector<3>>,
@@ -79,39 +28,6 @@ pub(super) struct Fix {
 }
 
 impl Fix {
-    pub(super) fn build(
-        b: &mut Build<'_>,
-        lever_arm: &VectorParam<dim::Length>,
-        bias: &VectorParam<dim::Length>,
-        rows: usize,
-    ) -> Result<Self, BuildError> {
-        let lever_arm = b.param("lever_arm", lever_arm)?;
-        let fixed_at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
-        Ok(Self {
-            position: b.quantity(state::POSITION)?,
-            // A process without an attitude serves an antenna at the body origin.
-            attitude: if fixed_at_the_body {
-                None
-            } else {
-                Some(b.quantity(state::ATTITUDE)?)
-            },
-            lever_arm,
-            bias: b.param("bias", bias)?,
-            rows,
-            values: 3,
-        })
-    }
-
-    /// For latitude and longitude alone.
-    pub(super) fn without_height(
-        b: &mut Build<'_>,
-        lever_arm: &VectorParam<dim::Length>,
-        bias: &VectorParam<dim::Length>,
-    ) -> Result<Self, BuildError> {
-        let fix = Self::build(b, lever_arm, bias, 2)?;
-        Ok(Self { values: 2, ..fix })
-    }
-
     /// A measured or predicted place; on the ellipsoid if its height is not known.
     fn place(&self, numbers: &[f64]) -> Place {
         let mut place = [0.0; 3];
@@ -189,5 +105,99 @@ impl Measurement for Fix {
         let mut d = Vector3::zeros();
         d.as_mut_slice()[..self.rows].copy_from_slice(e);
         self.write(&self.place(z).offset(&d), z);
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::NED;
+    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::param::VectorParam;
+    use crate::units::{Dimension, Dimensional, dim};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// GNSS position with an antenna lever arm and a correlated error.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct GnssPositionSpec {
+        /// Antenna position in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Correlated position error, north east down; give it a `correlation_time`.
+        #[serde(default)]
+        bias: VectorParam<dim::Length>,
+        /// Use north and east only.
+        #[serde(default)]
+        horizontal: bool,
+    }
+
+    crate::register!(
+        Sensor,
+        "gnss_position",
+        GnssPositionSpec,
+        r#"
+lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
+bias = { estimate = true, initial = [0, 0, 0], sigma = "1 m", correlation_time = "100 s" }
+"#
+    );
+
+    #[typetag::deserialize(name = "gnss_position")]
+    impl SensorSpec for GnssPositionSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(channel::POSITION)
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Length::KIND.dimension; self.axes().len()]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            if self.horizontal { &NED[..2] } else { NED }
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            Ok(Box::new(Fix::build(b, &self.lever_arm, &self.bias, self.axes().len())?))
+        }
+    }
+
+    impl Fix {
+        pub(crate) fn build(
+            b: &mut Build<'_>,
+            lever_arm: &VectorParam<dim::Length>,
+            bias: &VectorParam<dim::Length>,
+            rows: usize,
+        ) -> Result<Self, BuildError> {
+            let lever_arm = b.param("lever_arm", lever_arm)?;
+            let fixed_at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
+            Ok(Self {
+                position: b.quantity(state::POSITION)?,
+                // A process without an attitude serves an antenna at the body origin.
+                attitude: if fixed_at_the_body {
+                    None
+                } else {
+                    Some(b.quantity(state::ATTITUDE)?)
+                },
+                lever_arm,
+                bias: b.param("bias", bias)?,
+                rows,
+                values: 3,
+            })
+        }
+
+        /// For latitude and longitude alone.
+        pub(crate) fn without_height(
+            b: &mut Build<'_>,
+            lever_arm: &VectorParam<dim::Length>,
+            bias: &VectorParam<dim::Length>,
+        ) -> Result<Self, BuildError> {
+            let fix = Self::build(b, lever_arm, bias, 2)?;
+            Ok(Self { values: 2, ..fix })
+        }
     }
 }

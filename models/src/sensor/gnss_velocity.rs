@@ -9,90 +9,20 @@
 //! Not here   receiver filtering
 //! Source     Groves 2013, §14.3.1
 
-use super::NED;
-use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::param::VectorParam;
-use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{rotation, times_skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Vector, Velocity, View};
-use nalgebra::{Matrix3, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// GNSS velocity, north east down, with an antenna lever arm.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GnssVelocitySpec {
-    /// Antenna position in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Use north and east only.
-    #[serde(default)]
-    horizontal: bool,
-}
-
-crate::register!(
-    Sensor,
-    "gnss_velocity",
-    GnssVelocitySpec,
-    r#"
-lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
-horizontal = false
-"#
-);
-
-#[typetag::deserialize(name = "gnss_velocity")]
-impl SensorSpec for GnssVelocitySpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(channel::VELOCITY)
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Speed::KIND.dimension; self.axes().len()]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        if self.horizontal { &NED[..2] } else { NED }
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let size = Size {
-            value: 3,
-            residual: self.axes().len(),
-        };
-        Ok(Box::new(GnssVelocity::new(b, &self.lever_arm, size)?))
-    }
-}
+use nalgebra::Matrix3;
 
 /// The runtime model.
 #[derive(Debug)]
-pub(super) struct GnssVelocity {
+pub struct GnssVelocity {
     velocity: Quantity<Velocity>,
     turning: Option<(Quantity<Attitude>, Quantity<Vector<3>>)>,
     lever_arm: Param<Vector<3>>,
     /// Of north, east and down: how many are measured, and how many count.
     size: Size,
-}
-
-impl GnssVelocity {
-    pub(super) fn new(b: &mut Build<'_>, lever_arm: &VectorParam<dim::Length>, size: Size) -> Result<Self, BuildError> {
-        let lever_arm = b.param("lever_arm", lever_arm)?;
-        let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
-        Ok(Self {
-            velocity: b.quantity(state::VELOCITY)?,
-            // A process that does not turn serves an antenna at the body origin.
-            turning: if at_the_body {
-                None
-            } else {
-                Some((b.quantity(state::ATTITUDE)?, b.quantity(state::ANGULAR_RATE)?))
-            },
-            lever_arm,
-            size,
-        })
-    }
 }
 
 impl Measurement for GnssVelocity {
@@ -128,11 +58,91 @@ impl Measurement for GnssVelocity {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::NED;
+    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::param::VectorParam;
+    use crate::units::{Dimension, Dimensional, dim};
+    use crate::vocabulary::{channel, state};
+    use nalgebra::Vector3;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// GNSS velocity, north east down, with an antenna lever arm.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct GnssVelocitySpec {
+        /// Antenna position in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Use north and east only.
+        #[serde(default)]
+        horizontal: bool,
+    }
+
+    crate::register!(
+        Sensor,
+        "gnss_velocity",
+        GnssVelocitySpec,
+        r#"
+lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
+horizontal = false
+"#
+    );
+
+    #[typetag::deserialize(name = "gnss_velocity")]
+    impl SensorSpec for GnssVelocitySpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(channel::VELOCITY)
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Speed::KIND.dimension; self.axes().len()]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            if self.horizontal { &NED[..2] } else { NED }
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            let size = Size {
+                value: 3,
+                residual: self.axes().len(),
+            };
+            Ok(Box::new(GnssVelocity::new(b, &self.lever_arm, size)?))
+        }
+    }
+
+    impl GnssVelocity {
+        pub(crate) fn new(b: &mut Build<'_>, lever_arm: &VectorParam<dim::Length>, size: Size) -> Result<Self, BuildError> {
+            let lever_arm = b.param("lever_arm", lever_arm)?;
+            let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
+            Ok(Self {
+                velocity: b.quantity(state::VELOCITY)?,
+                // A process that does not turn serves an antenna at the body origin.
+                turning: if at_the_body {
+                    None
+                } else {
+                    Some((b.quantity(state::ATTITUDE)?, b.quantity(state::ANGULAR_RATE)?))
+                },
+                lever_arm,
+                size,
+            })
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use fusion_core::geometry::so3::from_rpy;
     use fusion_core::state::Manifold;
+    use nalgebra::Vector3;
 
     fn model(lever_arm: Vector3<f64>, w: Vector3<f64>, attitude: [f64; 3]) -> GnssVelocity {
         let [roll, pitch, yaw] = attitude;

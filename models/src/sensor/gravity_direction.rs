@@ -9,68 +9,15 @@
 //! Not here   heading, which no vertical tells
 //! Source     the derivative of C_nbᵀ e₃ with C_nb ← C_nb Exp(δφ_b)
 
-use super::XYZ;
-use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::earth::LocalEarth;
-use crate::param::VectorParam;
-use crate::units::{Dimension, Dimensional, Positive, STANDARD_GRAVITY, dim};
-use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::skew;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Vector, View};
 use nalgebra::{Matrix3, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Direction of gravity from the accelerometers, for a body that does not accelerate.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GravityDirectionSpec {
-    /// Bias of the accelerometers.
-    #[serde(default)]
-    bias: VectorParam<dim::Acceleration>,
-    /// g; by default that of the origin, or standard gravity.
-    gravity: Option<Positive<dim::Acceleration>>,
-}
-
-crate::register!(
-    Sensor,
-    "gravity_direction",
-    GravityDirectionSpec,
-    r#"
-bias = { estimate = true, initial = [0, 0, 0], sigma = "5 mg" }
-gravity = "9.81 m/s^2"
-"#
-);
-
-#[typetag::deserialize(name = "gravity_direction")]
-impl SensorSpec for GravityDirectionSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(channel::SPECIFIC_FORCE)
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Acceleration::KIND.dimension; 3]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        XYZ
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let at_origin = b.origin.map_or(STANDARD_GRAVITY, |o| LocalEarth::at(&o).gravity(b.gravity));
-        Ok(Box::new(GravityDirection {
-            attitude: b.quantity(state::ATTITUDE)?,
-            bias: b.param("bias", &self.bias)?,
-            gravity: self.gravity.map_or(at_origin, |g| g.si()),
-        }))
-    }
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct GravityDirection {
+pub struct GravityDirection {
     attitude: Quantity<Attitude>,
     bias: Param<Vector<3>>,
     gravity: f64,
@@ -98,6 +45,67 @@ impl Measurement for GravityDirection {
         h.add(0, &self.attitude, &-skew(&self.gravity_b(at)));
         h.add(0, &self.bias, &Matrix3::identity());
         Ok(())
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::XYZ;
+    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::earth::LocalEarth;
+    use crate::param::VectorParam;
+    use crate::units::{Dimension, Dimensional, Positive, STANDARD_GRAVITY, dim};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Direction of gravity from the accelerometers, for a body that does not accelerate.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct GravityDirectionSpec {
+        /// Bias of the accelerometers.
+        #[serde(default)]
+        bias: VectorParam<dim::Acceleration>,
+        /// g; by default that of the origin, or standard gravity.
+        gravity: Option<Positive<dim::Acceleration>>,
+    }
+
+    crate::register!(
+        Sensor,
+        "gravity_direction",
+        GravityDirectionSpec,
+        r#"
+bias = { estimate = true, initial = [0, 0, 0], sigma = "5 mg" }
+gravity = "9.81 m/s^2"
+"#
+    );
+
+    #[typetag::deserialize(name = "gravity_direction")]
+    impl SensorSpec for GravityDirectionSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(channel::SPECIFIC_FORCE)
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Acceleration::KIND.dimension; 3]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            XYZ
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            let at_origin = b.origin.map_or(STANDARD_GRAVITY, |o| LocalEarth::at(&o).gravity(b.gravity));
+            Ok(Box::new(GravityDirection {
+                attitude: b.quantity(state::ATTITUDE)?,
+                bias: b.param("bias", &self.bias)?,
+                gravity: self.gravity.map_or(at_origin, |g| g.si()),
+            }))
+        }
     }
 }
 

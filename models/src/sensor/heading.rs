@@ -13,18 +13,12 @@
 //! Source     the derivative of atan2 with C ← C (I + [δφ_b ×]); deviation: NGA, Handbook of Magnetic Compass
 //!            Adjustment, 2004, ch. VI
 
-use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::param::ScalarParam;
-use crate::units::{self, Dimension, Dimensional, dim};
-use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{GIMBAL_LOCK_C31, rotation};
 use fusion_core::linear::Jacobian;
 use fusion_core::math;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Angle, Attitude, Param, Quantity, Scalar, View, wrap};
 use nalgebra::{Matrix1, Matrix3, RowVector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// ψ and ∂ψ/∂δφ_b of an attitude `c_nb`; undefined if the nose points straight up or down.
 fn yaw(c_nb: &Matrix3<f64>) -> Result<(f64, RowVector3<f64>), Undefined> {
@@ -36,100 +30,20 @@ fn yaw(c_nb: &Matrix3<f64>) -> Result<(f64, RowVector3<f64>), Undefined> {
     Ok((math::atan2(east, north), slope))
 }
 
-/// Heading, clockwise from north, with declination and deviation.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct HeadingSpec {
-    /// Heading bias, clockwise positive: the constant part of the deviation, misalignment.
-    #[serde(default)]
-    bias: ScalarParam<dim::Angle>,
-    /// Deviation that depends on the heading.
-    #[serde(default)]
-    deviation: DeviationSpec,
-    /// Magnetic declination: direction of the sensor's north, clockwise from true north.
-    #[serde(default)]
-    declination: units::Angle,
-}
-
-/// The error of a compass, in addition to its bias, as a function of the magnetic heading: the effect of the vehicle's
-/// own field. It is identifiable if the vehicle turns through all headings.
-#[derive(Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct DeviationSpec {
-    /// Factor of the sine of the heading: hard iron, and its part ahead.
-    #[serde(default)]
-    sin: ScalarParam<dim::Angle>,
-    /// Factor of the cosine of the heading: hard iron to the right.
-    #[serde(default)]
-    cos: ScalarParam<dim::Angle>,
-    /// Factor of the sine of twice the heading: soft iron.
-    #[serde(default)]
-    sin_2: ScalarParam<dim::Angle>,
-    /// Factor of the cosine of twice the heading.
-    #[serde(default)]
-    cos_2: ScalarParam<dim::Angle>,
-}
-
-crate::register!(
-    Sensor,
-    "heading",
-    HeadingSpec,
-    r#"
-bias = { estimate = true, initial = 0, sigma = "2 deg", correlation_time = "300 s" }
-deviation = { sin = { estimate = true, initial = 0, sigma = "3 deg" }, cos = { estimate = true, initial = 0, sigma = "3 deg" }, cos_2 = "0.5 deg" }
-declination = "-8 deg"
-"#
-);
-
-#[typetag::deserialize(name = "heading")]
-impl SensorSpec for HeadingSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(channel::HEADING)
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Angle::KIND.dimension]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        // A planar process that estimates its heading provides it directly.
-        let heading = match b.quantity(state::HEADING) {
-            Ok(heading) => Source::Heading(heading),
-            Err(_) => Source::Attitude(b.quantity(state::ATTITUDE)?),
-        };
-        Ok(Box::new(Heading {
-            heading,
-            bias: b.param("bias", &self.bias)?,
-            deviation: Deviation::build(b, &self.deviation)?,
-            declination: self.declination.si(),
-        }))
-    }
-}
-
 /// Where the heading comes from.
 #[derive(Debug)]
-enum Source {
+pub enum Source {
+    /// The yaw of an attitude.
     Attitude(Quantity<Attitude>),
+    /// A heading.
     Heading(Quantity<Angle>),
 }
 
 /// Coefficients of sin μ, cos μ, sin 2μ, cos 2μ \[rad\].
 #[derive(Debug)]
-struct Deviation([Param<Scalar>; 4]);
+pub struct Deviation([Param<Scalar>; 4]);
 
 impl Deviation {
-    /// `None` if there is no deviation.
-    fn build(b: &mut Build<'_>, spec: &DeviationSpec) -> Result<Option<Self>, BuildError> {
-        let all = [
-            b.param("deviation.sin", &spec.sin)?,
-            b.param("deviation.cos", &spec.cos)?,
-            b.param("deviation.sin_2", &spec.sin_2)?,
-            b.param("deviation.cos_2", &spec.cos_2)?,
-        ];
-        let is_none = |p: &Param<Scalar>| matches!(p, Param::Fixed(c) if *c == 0.0);
-        Ok((!all.iter().all(is_none)).then_some(Self(all)))
-    }
-
     /// The factor of each coefficient at this magnetic heading.
     fn waves(magnetic: f64) -> [f64; 4] {
         let ((s, c), (s_2, c_2)) = (math::sin_cos(magnetic), math::sin_cos(2.0 * magnetic));
@@ -147,7 +61,7 @@ impl Deviation {
 
 /// The runtime model.
 #[derive(Debug)]
-struct Heading {
+pub struct Heading {
     heading: Source,
     bias: Param<Scalar>,
     deviation: Option<Deviation>,
@@ -199,6 +113,104 @@ impl Measurement for Heading {
 
     fn perturb(&self, z: &mut [f64], e: &[f64]) {
         z[0] = wrap(z[0] + e[0]);
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::param::ScalarParam;
+    use crate::units::{self, Dimension, Dimensional, dim};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Heading, clockwise from north, with declination and deviation.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct HeadingSpec {
+        /// Heading bias, clockwise positive: the constant part of the deviation, misalignment.
+        #[serde(default)]
+        bias: ScalarParam<dim::Angle>,
+        /// Deviation that depends on the heading.
+        #[serde(default)]
+        deviation: DeviationSpec,
+        /// Magnetic declination: direction of the sensor's north, clockwise from true north.
+        #[serde(default)]
+        declination: units::Angle,
+    }
+
+    /// The error of a compass, in addition to its bias, as a function of the magnetic heading: the effect of the vehicle's
+    /// own field. It is identifiable if the vehicle turns through all headings.
+    #[derive(Debug, Default, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    struct DeviationSpec {
+        /// Factor of the sine of the heading: hard iron, and its part ahead.
+        #[serde(default)]
+        sin: ScalarParam<dim::Angle>,
+        /// Factor of the cosine of the heading: hard iron to the right.
+        #[serde(default)]
+        cos: ScalarParam<dim::Angle>,
+        /// Factor of the sine of twice the heading: soft iron.
+        #[serde(default)]
+        sin_2: ScalarParam<dim::Angle>,
+        /// Factor of the cosine of twice the heading.
+        #[serde(default)]
+        cos_2: ScalarParam<dim::Angle>,
+    }
+
+    crate::register!(
+        Sensor,
+        "heading",
+        HeadingSpec,
+        r#"
+bias = { estimate = true, initial = 0, sigma = "2 deg", correlation_time = "300 s" }
+deviation = { sin = { estimate = true, initial = 0, sigma = "3 deg" }, cos = { estimate = true, initial = 0, sigma = "3 deg" }, cos_2 = "0.5 deg" }
+declination = "-8 deg"
+"#
+    );
+
+    #[typetag::deserialize(name = "heading")]
+    impl SensorSpec for HeadingSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(channel::HEADING)
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Angle::KIND.dimension]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            // A planar process that estimates its heading provides it directly.
+            let heading = match b.quantity(state::HEADING) {
+                Ok(heading) => Source::Heading(heading),
+                Err(_) => Source::Attitude(b.quantity(state::ATTITUDE)?),
+            };
+            Ok(Box::new(Heading {
+                heading,
+                bias: b.param("bias", &self.bias)?,
+                deviation: Deviation::build(b, &self.deviation)?,
+                declination: self.declination.si(),
+            }))
+        }
+    }
+
+    impl Deviation {
+        /// `None` if there is no deviation.
+        fn build(b: &mut Build<'_>, spec: &DeviationSpec) -> Result<Option<Self>, BuildError> {
+            let all = [
+                b.param("deviation.sin", &spec.sin)?,
+                b.param("deviation.cos", &spec.cos)?,
+                b.param("deviation.sin_2", &spec.sin_2)?,
+                b.param("deviation.cos_2", &spec.cos_2)?,
+            ];
+            let is_none = |p: &Param<Scalar>| matches!(p, Param::Fixed(c) if *c == 0.0);
+            Ok((!all.iter().all(is_none)).then_some(Self(all)))
+        }
     }
 }
 

@@ -7,59 +7,14 @@
 //! Source     Groves 2013, §6.2.1
 
 use super::vertical::Vertical;
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
-use crate::param::{ScalarParam, VectorParam};
-use crate::units::{Dimension, Dimensional, dim};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Param, Scalar, View};
 use nalgebra::Matrix1;
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Height above the ellipsoid, up positive, with a correlated error.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct HeightSpec {
-    /// Sensor position in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Height bias, up positive; give a barometric height a `correlation_time`.
-    #[serde(default)]
-    bias: ScalarParam<dim::Length>,
-}
-
-crate::register!(
-    Sensor,
-    "height",
-    HeightSpec,
-    r#"
-lever_arm = [0.5, 0, "-20 cm"]
-bias = { estimate = true, initial = 0, sigma = "5 m", correlation_time = "600 s" }
-"#
-);
-
-#[typetag::deserialize(name = "height")]
-impl SensorSpec for HeightSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(Channel::vector("height", 1, dim::Length::KIND.dimension))
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Length::KIND.dimension]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        Ok(Box::new(Height {
-            point: Vertical::build(b, &self.lever_arm)?,
-            bias: b.param("bias", &self.bias)?,
-        }))
-    }
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct Height {
+pub struct Height {
     point: Vertical,
     bias: Param<Scalar>,
 }
@@ -78,6 +33,59 @@ impl Measurement for Height {
         self.point.jacobian(at, 1.0, h);
         h.add(0, &self.bias, &Matrix1::new(1.0));
         Ok(())
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::param::{ScalarParam, VectorParam};
+    use crate::units::{Dimension, Dimensional, dim};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Height above the ellipsoid, up positive, with a correlated error.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct HeightSpec {
+        /// Sensor position in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Height bias, up positive; give a barometric height a `correlation_time`.
+        #[serde(default)]
+        bias: ScalarParam<dim::Length>,
+    }
+
+    crate::register!(
+        Sensor,
+        "height",
+        HeightSpec,
+        r#"
+lever_arm = [0.5, 0, "-20 cm"]
+bias = { estimate = true, initial = 0, sigma = "5 m", correlation_time = "600 s" }
+"#
+    );
+
+    #[typetag::deserialize(name = "height")]
+    impl SensorSpec for HeightSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(Channel::vector("height", 1, dim::Length::KIND.dimension))
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Length::KIND.dimension]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            Ok(Box::new(Height {
+                point: Vertical::build(b, &self.lever_arm)?,
+                bias: b.param("bias", &self.bias)?,
+            }))
+        }
     }
 }
 

@@ -7,8 +7,10 @@
 //! Not here   the height, which something else has to know: `depth`, `barometer`, `height`
 //! Source     Groves 2013, §14.3.1
 
-use super::NED;
+#![cfg(feature = "declare")]
+
 use super::gnss_position::Fix;
+use crate::block::NED;
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};

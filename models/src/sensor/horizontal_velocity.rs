@@ -6,8 +6,10 @@
 //! Not here   the vertical velocity, of which nothing is said
 //! Source     Groves 2013, §14.3.1
 
-use super::NED;
+#![cfg(feature = "declare")]
+
 use super::gnss_velocity::GnssVelocity;
+use crate::block::NED;
 use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};

@@ -14,53 +14,24 @@
 //! Not here   refraction, the mounting of the sensor's axes
 //! Source     the derivatives of C_nb ← C_nb Exp(δφ_b); Barrau and Bonnabel 2017, §V
 
-use super::XYZ;
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+use crate::earth::LocalEarth;
 use crate::earth::frames::{ecef_from_geodetic, rotation_en};
-use crate::earth::{LocalEarth, LocalFrame};
-use crate::param::VectorParam;
-use crate::units::{Dimension, Dimensional, Place, Vec3Of, dim};
-use crate::vocabulary::state;
+use alloc::vec::Vec;
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::math;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Param, Position, Quantity, Tangent, Vector, View, wrap};
 use nalgebra::{Matrix3, RowVector3, SMatrix, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Landmarks at known places, each as a vector or as bearing and range, all of them seen together.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LandmarkSpec {
-    /// The places of the landmarks: geodetic, or north, east, down of the origin of the run.
-    landmarks: Vec<Mark>,
-    /// The measured quantity of each landmark.
-    #[serde(default)]
-    measures: Measures,
-    /// Sensor position in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-}
-
-/// The place of a landmark.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(
-    untagged,
-    expecting = "expected a place: `[\"10 m\", \"-3 m\", 0]`, north, east and down of the origin, or `{ latitude = \"47.1 deg\", longitude = \"8.2 deg\" }`"
-)]
-enum Mark {
-    /// North, east, down of the origin of the run.
-    Local(Vec3Of<dim::Length>),
-    /// On or above the ellipsoid.
-    Geodetic(Place),
-}
 
 /// The measured quantity of a landmark.
-#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
-enum Measures {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "declare",
+    derive(serde::Deserialize, schemars::JsonSchema),
+    serde(rename_all = "snake_case")
+)]
+pub enum Measures {
     /// The vector to it in body axes: channel `landmark`, three lengths each.
     #[default]
     Vector,
@@ -68,87 +39,9 @@ enum Measures {
     BearingRange,
 }
 
-crate::register!(
-    Sensor,
-    "landmark",
-    LandmarkSpec,
-    r#"
-landmarks = [["700 m", "200 m", "-350 m"], [-900, 800, 500], { latitude = "36.0985 deg", longitude = "129.4605 deg", height = "400 m" }]
-measures = "bearing_range"
-lever_arm = { estimate = true, initial = [0.5, 0, "-20 cm"], sigma = "10 cm" }
-"#
-);
-
-const ANGLES: &[&str] = &["azimuth", "elevation", "range"];
-
-#[typetag::deserialize(name = "landmark")]
-impl SensorSpec for LandmarkSpec {
-    fn reading(&self) -> Reading {
-        let width = 3 * self.landmarks.len();
-        Reading::Channel(match self.measures {
-            Measures::Vector => Channel::vector("landmark", width, dim::Length::KIND.dimension),
-            Measures::BearingRange => Channel::vector("bearing_range", width, Dimension::NONE),
-        })
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        let (length, angle) = (dim::Length::KIND.dimension, dim::Angle::KIND.dimension);
-        let one = match self.measures {
-            Measures::Vector => [length; 3],
-            Measures::BearingRange => [angle, angle, length],
-        };
-        one.repeat(self.landmarks.len())
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        match self.measures {
-            Measures::Vector => XYZ,
-            Measures::BearingRange => ANGLES,
-        }
-    }
-
-    fn reported_sigma(&self) -> Option<Channel> {
-        let Reading::Channel(channel) = self.reading() else { return None };
-        Some(Channel {
-            name: Channel::sigma_name(&channel.name).into(),
-            ..channel
-        })
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        if self.landmarks.is_empty() {
-            return Err(BuildError::at("landmarks", "there is no landmark")
-                .help("write where at least one is, e.g. `landmarks = [[\"10 m\", \"-3 m\", 0]]`"));
-        }
-        let lever_arm = b.param("lever_arm", &self.lever_arm)?;
-        let attitude = b.quantity(state::ATTITUDE)?;
-        let place = match b.quantity(state::LOCAL_POSITION) {
-            Ok(position) => From::Plane(position),
-            Err(_) => From::Ellipsoid(b.quantity(state::POSITION)?),
-        };
-        let marks = self.landmarks.iter().map(|mark| match (mark, &place) {
-            (Mark::Local(ned), From::Plane(_)) => Ok(ned.si().into()),
-            (Mark::Geodetic(place), From::Plane(_)) => Ok(LocalFrame::new(b.origin()?).to_ned(&(*place).into())),
-            (Mark::Local(ned), From::Ellipsoid(_)) => {
-                let place = LocalFrame::new(b.origin()?).to_geodetic(&ned.si().into());
-                Ok(ecef_from_geodetic(&place))
-            }
-            (Mark::Geodetic(place), From::Ellipsoid(_)) => Ok(ecef_from_geodetic(&(*place).into())),
-        });
-        let marks = marks.collect::<Result<_, BuildError>>()?;
-        Ok(Box::new(Landmarks {
-            marks,
-            place,
-            attitude,
-            lever_arm,
-            measures: self.measures,
-        }))
-    }
-}
-
 /// The position from which the landmarks are seen.
 #[derive(Debug)]
-enum From {
+pub enum From {
     /// Landmarks are in local axes.
     Plane(Quantity<Position>),
     /// Landmarks are in Earth-centred axes.
@@ -157,7 +50,7 @@ enum From {
 
 /// The runtime model.
 #[derive(Debug)]
-struct Landmarks {
+pub struct Landmarks {
     /// The places of the landmarks, in the axes of `place` \[m\].
     marks: Vec<Vector3<f64>>,
     place: From,
@@ -267,6 +160,127 @@ impl Measurement for Landmarks {
         for (k, (z, e)) in z.iter_mut().zip(e).enumerate() {
             let is_angle = self.measures == Measures::BearingRange && k % 3 < 2;
             *z = if is_angle { wrap(*z + e) } else { *z + e };
+        }
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::XYZ;
+    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::earth::LocalFrame;
+    use crate::param::VectorParam;
+    use crate::units::{Dimension, Dimensional, Place, Vec3Of, dim};
+    use crate::vocabulary::state;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Landmarks at known places, each as a vector or as bearing and range, all of them seen together.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct LandmarkSpec {
+        /// The places of the landmarks: geodetic, or north, east, down of the origin of the run.
+        landmarks: Vec<Mark>,
+        /// The measured quantity of each landmark.
+        #[serde(default)]
+        measures: Measures,
+        /// Sensor position in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+    }
+
+    /// The place of a landmark.
+    #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+    #[serde(
+        untagged,
+        expecting = "expected a place: `[\"10 m\", \"-3 m\", 0]`, north, east and down of the origin, or `{ latitude = \"47.1 deg\", longitude = \"8.2 deg\" }`"
+    )]
+    enum Mark {
+        /// North, east, down of the origin of the run.
+        Local(Vec3Of<dim::Length>),
+        /// On or above the ellipsoid.
+        Geodetic(Place),
+    }
+
+    crate::register!(
+        Sensor,
+        "landmark",
+        LandmarkSpec,
+        r#"
+landmarks = [["700 m", "200 m", "-350 m"], [-900, 800, 500], { latitude = "36.0985 deg", longitude = "129.4605 deg", height = "400 m" }]
+measures = "bearing_range"
+lever_arm = { estimate = true, initial = [0.5, 0, "-20 cm"], sigma = "10 cm" }
+"#
+    );
+
+    const ANGLES: &[&str] = &["azimuth", "elevation", "range"];
+
+    #[typetag::deserialize(name = "landmark")]
+    impl SensorSpec for LandmarkSpec {
+        fn reading(&self) -> Reading {
+            let width = 3 * self.landmarks.len();
+            Reading::Channel(match self.measures {
+                Measures::Vector => Channel::vector("landmark", width, dim::Length::KIND.dimension),
+                Measures::BearingRange => Channel::vector("bearing_range", width, Dimension::NONE),
+            })
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            let (length, angle) = (dim::Length::KIND.dimension, dim::Angle::KIND.dimension);
+            let one = match self.measures {
+                Measures::Vector => [length; 3],
+                Measures::BearingRange => [angle, angle, length],
+            };
+            one.repeat(self.landmarks.len())
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            match self.measures {
+                Measures::Vector => XYZ,
+                Measures::BearingRange => ANGLES,
+            }
+        }
+
+        fn reported_sigma(&self) -> Option<Channel> {
+            let Reading::Channel(channel) = self.reading() else { return None };
+            Some(Channel {
+                name: Channel::sigma_name(&channel.name).into(),
+                ..channel
+            })
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            if self.landmarks.is_empty() {
+                return Err(BuildError::at("landmarks", "there is no landmark")
+                    .help("write where at least one is, e.g. `landmarks = [[\"10 m\", \"-3 m\", 0]]`"));
+            }
+            let lever_arm = b.param("lever_arm", &self.lever_arm)?;
+            let attitude = b.quantity(state::ATTITUDE)?;
+            let place = match b.quantity(state::LOCAL_POSITION) {
+                Ok(position) => From::Plane(position),
+                Err(_) => From::Ellipsoid(b.quantity(state::POSITION)?),
+            };
+            let marks = self.landmarks.iter().map(|mark| match (mark, &place) {
+                (Mark::Local(ned), From::Plane(_)) => Ok(ned.si().into()),
+                (Mark::Geodetic(place), From::Plane(_)) => Ok(LocalFrame::new(b.origin()?).to_ned(&(*place).into())),
+                (Mark::Local(ned), From::Ellipsoid(_)) => {
+                    let place = LocalFrame::new(b.origin()?).to_geodetic(&ned.si().into());
+                    Ok(ecef_from_geodetic(&place))
+                }
+                (Mark::Geodetic(place), From::Ellipsoid(_)) => Ok(ecef_from_geodetic(&(*place).into())),
+            });
+            let marks = marks.collect::<Result<_, BuildError>>()?;
+            Ok(Box::new(Landmarks {
+                marks,
+                place,
+                attitude,
+                lever_arm,
+                measures: self.measures,
+            }))
         }
     }
 }

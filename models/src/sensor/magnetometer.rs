@@ -13,122 +13,16 @@
 //! Source     the derivative of C_nbᵀ m_n with C_nb ← C_nb Exp(δφ_b); Gebre-Egziabher et al. 2006
 //!            (J. Aerosp. Eng. 19) for hard and soft iron
 
-use super::XYZ;
-use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::earth::magnetic::{self, EarthField};
-use crate::param::{ParamSpec, ScalarParam, VectorParam};
-use crate::units::{Angle, Dimension, Dimensional, Quantity as Unit, Vec3Of, dim};
-use crate::vocabulary::{channel, state};
+use crate::earth::magnetic::EarthField;
 use fusion_core::geometry::so3::skew;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Scalar, Vector, View};
 use nalgebra::{Matrix3, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// A three-axis magnetometer: the Earth's field in body axes, with the body's own field.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct MagnetometerSpec {
-    /// Strength of the Earth's field. `date` can replace it, `inclination` and `declination`.
-    strength: Option<ScalarParam<dim::MagneticField>>,
-    /// Angle of the Earth's field below the horizon.
-    inclination: Option<ScalarParam<dim::Angle>>,
-    /// Direction of magnetic north, clockwise from true north.
-    declination: Option<ScalarParam<dim::Angle>>,
-    /// A day, "2026-11-22": all undeclared values of the field are those of the World Magnetic Model at the origin of
-    /// the run on this day. Needs the cargo feature `wmm`.
-    date: Option<String>,
-    /// Magnetic field of the body itself.
-    #[serde(default)]
-    hard_iron: VectorParam<dim::MagneticField>,
-    /// A of m = A (m_raw − hard_iron), row by row.
-    #[serde(default = "crate::stage::compass::no_soft_iron")]
-    soft_iron: [Vec3Of<dim::Ratio>; 3],
-}
-
-crate::register!(
-    Sensor,
-    "magnetometer",
-    MagnetometerSpec,
-    r#"
-strength = { estimate = true, initial = "50 uT", sigma = "2 uT" }
-inclination = { estimate = true, initial = "51 deg", sigma = "2 deg" }
-declination = "-8 deg"
-hard_iron = { estimate = true, initial = [0, 0, 0], sigma = "3 uT", correlation_time = "1000 s" }
-soft_iron = [[1.02, 0, 0.01], [0, 0.99, 0], [0.01, 0, 1]]
-"#
-);
-
-#[typetag::deserialize(name = "magnetometer")]
-impl SensorSpec for MagnetometerSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(channel::MAGNETIC_FIELD)
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::MagneticField::KIND.dimension; 3]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        XYZ
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let model = match &self.date {
-            Some(date) => Some(magnetic::world_model(&b.origin()?, date).map_err(|why| BuildError::at("date", why))?),
-            None => None,
-        };
-        let soft_iron = Matrix3::from_rows(&self.soft_iron.map(|row| Vector3::from(row.si()).transpose()));
-        let distortion = soft_iron
-            .try_inverse()
-            .ok_or_else(|| BuildError::at("soft_iron", "this matrix has no inverse: it maps some field to none"))?;
-        let strength = declared(&self.strength, model.map(|m| Unit::from_si(m.strength)));
-        let inclination = declared(&self.inclination, model.map(|m| Angle::from_si(m.inclination)));
-        let declination = declared(&self.declination, model.map(|m| Angle::from_si(m.declination)));
-        let (Some(strength), Some(inclination), Some(declination)) = (strength, inclination, declination) else {
-            return Err(self.missing());
-        };
-        if strength.initial().is_some_and(|f| f <= 0.0) {
-            return Err(BuildError::at("strength", "the strength of the field must be greater than 0")
-                .help("write e.g. \"48 uT\", the total intensity where you are"));
-        }
-        Ok(Box::new(Magnetometer {
-            attitude: b.quantity(state::ATTITUDE)?,
-            strength: b.param("strength", &strength)?,
-            inclination: b.param("inclination", &inclination)?,
-            declination: b.param("declination", &declination)?,
-            hard_iron: b.param("hard_iron", &self.hard_iron)?,
-            distortion,
-        }))
-    }
-}
-
-impl MagnetometerSpec {
-    /// The error for values that are neither declared nor known.
-    fn missing(&self) -> BuildError {
-        let all = [
-            ("`strength`", self.strength.is_none()),
-            ("`inclination`", self.inclination.is_none()),
-            ("`declination`", self.declination.is_none()),
-        ];
-        let missing: Vec<&str> = all.iter().filter(|(_, is_missing)| *is_missing).map(|(field, _)| *field).collect();
-        BuildError::new(format!("missing {} of the Earth's field", missing.join(", "))).help(
-            "declare them as calculators of the World Magnetic Model give them for your place and year, such as NOAA's; or a `date`, \
-             in a program that was built with `--features wmm`",
-        )
-    }
-}
-
-/// The declared value, or the value of the World Magnetic Model.
-fn declared<D: Dimensional + core::fmt::Debug>(param: &Option<ScalarParam<D>>, model: Option<Unit<D>>) -> Option<ScalarParam<D>> {
-    param.clone().or_else(|| model.map(ParamSpec::Fixed))
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct Magnetometer {
+pub struct Magnetometer {
     attitude: Quantity<Attitude>,
     strength: Param<Scalar>,
     inclination: Param<Scalar>,
@@ -174,9 +68,126 @@ impl Measurement for Magnetometer {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::XYZ;
+    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::earth::magnetic::{self};
+    use crate::param::{ParamSpec, ScalarParam, VectorParam};
+    use crate::units::{Angle, Dimension, Dimensional, Quantity as Unit, Vec3Of, dim};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// A three-axis magnetometer: the Earth's field in body axes, with the body's own field.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct MagnetometerSpec {
+        /// Strength of the Earth's field. `date` can replace it, `inclination` and `declination`.
+        strength: Option<ScalarParam<dim::MagneticField>>,
+        /// Angle of the Earth's field below the horizon.
+        inclination: Option<ScalarParam<dim::Angle>>,
+        /// Direction of magnetic north, clockwise from true north.
+        declination: Option<ScalarParam<dim::Angle>>,
+        /// A day, "2026-11-22": all undeclared values of the field are those of the World Magnetic Model at the origin of
+        /// the run on this day. Needs the cargo feature `wmm`.
+        date: Option<String>,
+        /// Magnetic field of the body itself.
+        #[serde(default)]
+        hard_iron: VectorParam<dim::MagneticField>,
+        /// A of m = A (m_raw − hard_iron), row by row.
+        #[serde(default = "crate::stage::compass::no_soft_iron")]
+        soft_iron: [Vec3Of<dim::Ratio>; 3],
+    }
+
+    crate::register!(
+        Sensor,
+        "magnetometer",
+        MagnetometerSpec,
+        r#"
+strength = { estimate = true, initial = "50 uT", sigma = "2 uT" }
+inclination = { estimate = true, initial = "51 deg", sigma = "2 deg" }
+declination = "-8 deg"
+hard_iron = { estimate = true, initial = [0, 0, 0], sigma = "3 uT", correlation_time = "1000 s" }
+soft_iron = [[1.02, 0, 0.01], [0, 0.99, 0], [0.01, 0, 1]]
+"#
+    );
+
+    #[typetag::deserialize(name = "magnetometer")]
+    impl SensorSpec for MagnetometerSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(channel::MAGNETIC_FIELD)
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::MagneticField::KIND.dimension; 3]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            XYZ
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            let model = match &self.date {
+                Some(date) => Some(magnetic::world_model(&b.origin()?, date).map_err(|why| BuildError::at("date", why))?),
+                None => None,
+            };
+            let soft_iron = Matrix3::from_rows(&self.soft_iron.map(|row| Vector3::from(row.si()).transpose()));
+            let distortion = soft_iron
+                .try_inverse()
+                .ok_or_else(|| BuildError::at("soft_iron", "this matrix has no inverse: it maps some field to none"))?;
+            let strength = declared(&self.strength, model.map(|m| Unit::from_si(m.strength)));
+            let inclination = declared(&self.inclination, model.map(|m| Angle::from_si(m.inclination)));
+            let declination = declared(&self.declination, model.map(|m| Angle::from_si(m.declination)));
+            let (Some(strength), Some(inclination), Some(declination)) = (strength, inclination, declination) else {
+                return Err(self.missing());
+            };
+            if strength.initial().is_some_and(|f| f <= 0.0) {
+                return Err(BuildError::at("strength", "the strength of the field must be greater than 0")
+                    .help("write e.g. \"48 uT\", the total intensity where you are"));
+            }
+            Ok(Box::new(Magnetometer {
+                attitude: b.quantity(state::ATTITUDE)?,
+                strength: b.param("strength", &strength)?,
+                inclination: b.param("inclination", &inclination)?,
+                declination: b.param("declination", &declination)?,
+                hard_iron: b.param("hard_iron", &self.hard_iron)?,
+                distortion,
+            }))
+        }
+    }
+
+    impl MagnetometerSpec {
+        /// The error for values that are neither declared nor known.
+        fn missing(&self) -> BuildError {
+            let all = [
+                ("`strength`", self.strength.is_none()),
+                ("`inclination`", self.inclination.is_none()),
+                ("`declination`", self.declination.is_none()),
+            ];
+            let missing: Vec<&str> = all.iter().filter(|(_, is_missing)| *is_missing).map(|(field, _)| *field).collect();
+            BuildError::new(format!("missing {} of the Earth's field", missing.join(", "))).help(
+                "declare them as calculators of the World Magnetic Model give them for your place and year, such as NOAA's; or a `date`, \
+                 in a program that was built with `--features wmm`",
+            )
+        }
+    }
+
+    /// The declared value, or the value of the World Magnetic Model.
+    fn declared<D: Dimensional + core::fmt::Debug>(param: &Option<ScalarParam<D>>, model: Option<Unit<D>>) -> Option<ScalarParam<D>> {
+        param.clone().or_else(|| model.map(ParamSpec::Fixed))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::SensorSpec;
     use crate::earth::Gravity;
     use fusion_core::geometry::so3;
     use fusion_core::state::{Declaration, Dynamics, LayoutBuilder, StateRole};

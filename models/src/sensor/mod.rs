@@ -1,34 +1,29 @@
 //! Measurement models, one file each.
 
-mod attitude;
-mod barometer;
-mod body_velocity;
-mod depth;
-mod dvl;
-mod gnss_position;
-mod gnss_velocity;
-mod gravity_direction;
-mod heading;
-mod height;
-mod horizontal_position;
-mod horizontal_velocity;
-mod landmark;
-mod magnetometer;
-mod pseudorange;
-mod pseudorange_rate;
-mod range;
-mod receiver_clock;
-mod satellite;
-mod track_odometry;
-mod usbl;
-mod usbl_position;
-mod vertical;
-mod vessel_pose;
-mod yaw_rate;
-mod zero_angular_rate;
-mod zero_velocity;
-
-/// Axes of rows resolved in navigation axes.
-const NED: &[&str] = &["north", "east", "down"];
-/// Axes of rows resolved in the axes of a body or sensor.
-const XYZ: &[&str] = &["x", "y", "z"];
+pub mod attitude;
+pub mod barometer;
+pub mod body_velocity;
+pub mod depth;
+pub mod dvl;
+pub mod gnss_position;
+pub mod gnss_velocity;
+pub mod gravity_direction;
+pub mod heading;
+pub mod height;
+pub mod horizontal_position;
+pub mod horizontal_velocity;
+pub mod landmark;
+pub mod magnetometer;
+pub mod pseudorange;
+pub mod pseudorange_rate;
+pub mod range;
+pub mod receiver_clock;
+pub mod satellite;
+pub mod track_odometry;
+pub mod usbl;
+pub mod usbl_position;
+pub mod vertical;
+pub mod vessel_pose;
+pub mod yaw_rate;
+pub mod zero_angular_rate;
+pub mod zero_velocity;

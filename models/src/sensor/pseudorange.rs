@@ -10,87 +10,13 @@
 //! Valid      delays of the atmosphere are removed before, by a stage, or are small against the noise
 //! Source     Groves 2013, eq. 9.141 to 9.146
 
-use super::receiver_clock;
-use super::satellite::{Antenna, OfSatellite, given, is_signal, turn, turned};
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec, Shape};
-use crate::param::{ScalarParam, VectorParam};
-use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::channel;
-use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Undefined};
+use super::satellite::{Antenna, given, turn, turned};
+use fusion_core::model::{ExactModel, ExactView, Real, Undefined};
 use fusion_core::state::{Param, Scalar};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Pseudoranges to satellites, one satellite per row, with the clock of the receiver as states.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PseudorangeSpec {
-    /// Antenna position in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Offset of the receiver's clock times the speed of light.
-    #[serde(default)]
-    clock_offset: ScalarParam<dim::Length>,
-    /// Drift of the receiver's clock times the speed of light; a state that moves the offset.
-    #[serde(default)]
-    clock_drift: ScalarParam<dim::Speed>,
-    /// Error that all rows of this sensor have in common: the inter-system bias if the clock is that of another sensor.
-    #[serde(default)]
-    bias: ScalarParam<dim::Length>,
-}
-
-crate::register!(
-    Sensor,
-    "pseudorange",
-    PseudorangeSpec,
-    r#"
-lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
-clock_offset = { estimate = true, initial = "10 km", sigma = "100 m", random_walk = "1 m/sqrt(s)" }
-clock_drift = { estimate = true, initial = "100 m/s", sigma = "10 m/s", random_walk = "1 m/s/sqrt(s)" }
-bias = { estimate = true, initial = 0, sigma = "3 m" }
-"#
-);
-
-#[typetag::deserialize(name = "pseudorange")]
-impl SensorSpec for PseudorangeSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channels(vec![channel::PSEUDORANGE, channel::SATELLITE_POSITION])
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Length::KIND.dimension]
-    }
-
-    fn reported_sigma(&self) -> Option<Channel> {
-        Some(sigma_of(&channel::PSEUDORANGE))
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let clock = receiver_clock::offset(b, &self.clock_offset, &self.clock_drift)?;
-        let antenna = Antenna::build(b, &self.lever_arm)?;
-        let bias = b.param("bias", &self.bias)?;
-        let reads_signals = antenna.reads_signals() || [&clock, &bias].into_iter().any(is_signal);
-        Ok(Box::new(OfSatellite {
-            model: Exact(Pseudorange { antenna, clock, bias }),
-            given: 3,
-            reads_signals,
-        }))
-    }
-}
-
-/// The channel of the 1σ of a channel of one number.
-pub(super) fn sigma_of(channel: &Channel) -> Channel {
-    Channel {
-        name: Channel::sigma_name(&channel.name).into(),
-        width: 1,
-        dimension: channel.dimension,
-        shape: Shape::Vector,
-    }
-}
 
 /// The quantities on which a pseudorange depends.
 #[derive(Debug)]
-struct Pseudorange {
+pub struct Pseudorange {
     antenna: Antenna,
     clock: Param<Scalar>,
     bias: Param<Scalar>,
@@ -109,11 +35,98 @@ impl ExactModel for Pseudorange {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec, Shape};
+    use crate::param::{ScalarParam, VectorParam};
+    use crate::sensor::receiver_clock;
+    use crate::sensor::satellite::{OfSatellite, is_signal};
+    use crate::units::{Dimension, Dimensional, dim};
+    use crate::vocabulary::channel;
+    use fusion_core::model::{Exact, Measurement};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Pseudoranges to satellites, one satellite per row, with the clock of the receiver as states.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct PseudorangeSpec {
+        /// Antenna position in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Offset of the receiver's clock times the speed of light.
+        #[serde(default)]
+        clock_offset: ScalarParam<dim::Length>,
+        /// Drift of the receiver's clock times the speed of light; a state that moves the offset.
+        #[serde(default)]
+        clock_drift: ScalarParam<dim::Speed>,
+        /// Error that all rows of this sensor have in common: the inter-system bias if the clock is that of another sensor.
+        #[serde(default)]
+        bias: ScalarParam<dim::Length>,
+    }
+
+    crate::register!(
+        Sensor,
+        "pseudorange",
+        PseudorangeSpec,
+        r#"
+lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
+clock_offset = { estimate = true, initial = "10 km", sigma = "100 m", random_walk = "1 m/sqrt(s)" }
+clock_drift = { estimate = true, initial = "100 m/s", sigma = "10 m/s", random_walk = "1 m/s/sqrt(s)" }
+bias = { estimate = true, initial = 0, sigma = "3 m" }
+"#
+    );
+
+    #[typetag::deserialize(name = "pseudorange")]
+    impl SensorSpec for PseudorangeSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channels(vec![channel::PSEUDORANGE, channel::SATELLITE_POSITION])
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Length::KIND.dimension]
+        }
+
+        fn reported_sigma(&self) -> Option<Channel> {
+            Some(sigma_of(&channel::PSEUDORANGE))
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            let clock = receiver_clock::offset(b, &self.clock_offset, &self.clock_drift)?;
+            let antenna = Antenna::build(b, &self.lever_arm)?;
+            let bias = b.param("bias", &self.bias)?;
+            let reads_signals = antenna.reads_signals() || [&clock, &bias].into_iter().any(is_signal);
+            Ok(Box::new(OfSatellite {
+                model: Exact(Pseudorange { antenna, clock, bias }),
+                given: 3,
+                reads_signals,
+            }))
+        }
+    }
+
+    /// The channel of the 1σ of a channel of one number.
+    pub(crate) fn sigma_of(channel: &Channel) -> Channel {
+        Channel {
+            name: Channel::sigma_name(&channel.name).into(),
+            width: 1,
+            dimension: channel.dimension,
+            shape: Shape::Vector,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::earth::SPEED_OF_LIGHT;
+    use crate::sensor::satellite::OfSatellite;
     use fusion_core::geometry::wgs84::{EARTH_RATE, Geodetic, SEMI_MAJOR_AXIS};
+    use fusion_core::model::Exact;
+    use fusion_core::model::Measurement;
     use fusion_core::state::{Quantity, View};
     use nalgebra::Vector3;
 

@@ -9,86 +9,15 @@
 //! Not here   the carrier phase itself; its difference over an epoch divided by the time is such a rate at the middle
 //! Source     Groves 2013, eq. 9.142 to 9.147
 
-use super::pseudorange::sigma_of;
-use super::receiver_clock;
-use super::satellite::{Antenna, OfSatellite, given, is_signal, turn, turned};
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
-use crate::param::{ScalarParam, VectorParam};
-use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::{channel, state};
+use super::satellite::{Antenna, given, turn, turned};
 use fusion_core::geometry::wgs84::EARTH_RATE;
-use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Undefined};
+use fusion_core::model::{ExactModel, ExactView, Real, Undefined};
 use fusion_core::state::{Param, Quantity, Scalar, Vector, Velocity};
 use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Rates of pseudoranges (Doppler), one satellite per row.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PseudorangeRateSpec {
-    /// Antenna position in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Drift of the receiver's clock times the speed of light; mostly that of a sensor `pseudorange`:
-    /// `{ shared = "NAME.clock_drift" }`.
-    #[serde(default)]
-    clock_drift: ScalarParam<dim::Speed>,
-}
-
-crate::register!(
-    Sensor,
-    "pseudorange_rate",
-    PseudorangeRateSpec,
-    r#"
-lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
-clock_drift = { estimate = true, initial = "100 m/s", sigma = "10 m/s", random_walk = "1 m/s/sqrt(s)" }
-"#
-);
-
-#[typetag::deserialize(name = "pseudorange_rate")]
-impl SensorSpec for PseudorangeRateSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channels(vec![
-            channel::PSEUDORANGE_RATE,
-            channel::SATELLITE_POSITION,
-            channel::SATELLITE_VELOCITY,
-        ])
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Speed::KIND.dimension]
-    }
-
-    fn reported_sigma(&self) -> Option<Channel> {
-        Some(sigma_of(&channel::PSEUDORANGE_RATE))
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let clock = receiver_clock::drift(b, &self.clock_drift)?;
-        let antenna = Antenna::build(b, &self.lever_arm)?;
-        let turning = match antenna.attitude {
-            None => None,
-            Some(_) => Some(b.quantity(state::ANGULAR_RATE)?),
-        };
-        let velocity = b.quantity(state::VELOCITY)?;
-        let reads_signals = turning.is_some() || antenna.reads_signals() || is_signal(&velocity) || is_signal(&clock);
-        Ok(Box::new(OfSatellite {
-            model: Exact(Rate {
-                antenna,
-                velocity,
-                turning,
-                clock,
-            }),
-            given: 6,
-            reads_signals,
-        }))
-    }
-}
 
 /// The quantities on which the rate depends.
 #[derive(Debug)]
-struct Rate {
+pub struct Rate {
     antenna: Antenna,
     velocity: Quantity<Velocity>,
     turning: Option<Quantity<Vector<3>>>,
@@ -127,6 +56,87 @@ impl ExactModel for Rate {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::param::{ScalarParam, VectorParam};
+    use crate::sensor::pseudorange::sigma_of;
+    use crate::sensor::receiver_clock;
+    use crate::sensor::satellite::{OfSatellite, is_signal};
+    use crate::units::{Dimension, Dimensional, dim};
+    use crate::vocabulary::{channel, state};
+    use fusion_core::model::{Exact, Measurement};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Rates of pseudoranges (Doppler), one satellite per row.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct PseudorangeRateSpec {
+        /// Antenna position in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Drift of the receiver's clock times the speed of light; mostly that of a sensor `pseudorange`:
+        /// `{ shared = "NAME.clock_drift" }`.
+        #[serde(default)]
+        clock_drift: ScalarParam<dim::Speed>,
+    }
+
+    crate::register!(
+        Sensor,
+        "pseudorange_rate",
+        PseudorangeRateSpec,
+        r#"
+lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
+clock_drift = { estimate = true, initial = "100 m/s", sigma = "10 m/s", random_walk = "1 m/s/sqrt(s)" }
+"#
+    );
+
+    #[typetag::deserialize(name = "pseudorange_rate")]
+    impl SensorSpec for PseudorangeRateSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channels(vec![
+                channel::PSEUDORANGE_RATE,
+                channel::SATELLITE_POSITION,
+                channel::SATELLITE_VELOCITY,
+            ])
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Speed::KIND.dimension]
+        }
+
+        fn reported_sigma(&self) -> Option<Channel> {
+            Some(sigma_of(&channel::PSEUDORANGE_RATE))
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            let clock = receiver_clock::drift(b, &self.clock_drift)?;
+            let antenna = Antenna::build(b, &self.lever_arm)?;
+            let turning = match antenna.attitude {
+                None => None,
+                Some(_) => Some(b.quantity(state::ANGULAR_RATE)?),
+            };
+            let velocity = b.quantity(state::VELOCITY)?;
+            let reads_signals = turning.is_some() || antenna.reads_signals() || is_signal(&velocity) || is_signal(&clock);
+            Ok(Box::new(OfSatellite {
+                model: Exact(Rate {
+                    antenna,
+                    velocity,
+                    turning,
+                    clock,
+                }),
+                given: 6,
+                reads_signals,
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -134,6 +144,8 @@ mod tests {
     use crate::earth::frames::{ecef_from_geodetic, rotation_en};
     use crate::sensor::satellite::EXAMPLE;
     use fusion_core::geometry::wgs84::Geodetic;
+    use fusion_core::model::Exact;
+    use fusion_core::model::Measurement;
     use fusion_core::state::View;
 
     /// |C(θ) r_s(t − τ) − r_a(t)|, with τ found by iteration.

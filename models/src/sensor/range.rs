@@ -5,108 +5,15 @@
 //! Valid      at any distance, in Earth-centred axes; a straight path
 //! Not here   travel time, refraction; a sound speed wrong by a factor is κ
 
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
-use crate::earth::frames::ecef_from_geodetic;
-use crate::param::{ScalarParam, VectorParam};
-use crate::units::{Dimension, Dimensional, Latitude, Length, Longitude, Place, dim};
-use crate::vocabulary::state;
-use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED, Geodetic, SEMI_MAJOR_AXIS};
-use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Undefined};
+use alloc::vec::Vec;
+use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS};
+use fusion_core::model::{ExactModel, ExactView, Real, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Scalar, Vector};
 use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Range to a beacon at a known place, or to several at once.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct RangeSpec {
-    /// Latitude of the beacon, north positive.
-    latitude: Option<Latitude>,
-    /// Longitude of the beacon, east positive.
-    longitude: Option<Longitude>,
-    /// Height of the beacon above the ellipsoid, up positive.
-    height: Option<Length>,
-    /// Several beacons, measured together: one range each, in this order, in one measurement. Instead
-    /// of `latitude`, `longitude` and `height`.
-    beacons: Option<Vec<Place>>,
-    /// Transducer position in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Scale error κ: the sensor reads (1 + κ) of the range.
-    #[serde(default)]
-    scale: ScalarParam<dim::Ratio>,
-    /// Range bias, independent of the range.
-    #[serde(default)]
-    bias: ScalarParam<dim::Length>,
-}
-
-crate::register!(
-    Sensor,
-    "range",
-    RangeSpec,
-    r#"
-latitude = "36.0985 deg"
-longitude = "129.4505 deg"
-height = "-20 m"
-lever_arm = { estimate = true, initial = [0.5, 0, "-20 cm"], sigma = "10 cm" }
-scale = { estimate = true, initial = 0, sigma = "0.3 %", correlation_time = "1 h" }
-bias = { estimate = true, initial = 0, sigma = "20 cm" }
-"#
-);
-
-impl RangeSpec {
-    /// How many ranges it measures at once.
-    fn rows(&self) -> usize {
-        self.beacons.as_ref().map_or(1, Vec::len)
-    }
-
-    /// Where the beacons are.
-    fn places(&self) -> Result<Vec<Geodetic>, BuildError> {
-        let single = (self.latitude, self.longitude, self.height);
-        match (&self.beacons, single) {
-            (Some(beacons), (None, None, None)) if !beacons.is_empty() => Ok(beacons.iter().map(|b| (*b).into()).collect()),
-            (Some(beacons), (None, None, None)) if beacons.is_empty() => Err(BuildError::at("beacons", "there is no beacon")),
-            (None, (Some(lat), Some(lon), Some(height))) => Ok(vec![Geodetic::new(lat.si(), lon.si(), height.si())]),
-            (None, _) => {
-                let help = "state `latitude`, `longitude` and `height`, or a list of `beacons`";
-                Err(BuildError::new("nothing says where the beacon is").help(help))
-            }
-            (Some(_), _) => {
-                let message = "`beacons` stand instead of `latitude`, `longitude` and `height`";
-                Err(BuildError::at("beacons", message).help("make the single beacon one of the list"))
-            }
-        }
-    }
-}
-
-#[typetag::deserialize(name = "range")]
-impl SensorSpec for RangeSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(Channel::vector("range", self.rows(), dim::Length::KIND.dimension))
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Length::KIND.dimension; self.rows()]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let lever_arm = b.param("lever_arm", &self.lever_arm)?;
-        let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
-        Ok(Box::new(Exact(Range {
-            beacons_e: self.places()?.iter().map(ecef_from_geodetic).collect(),
-            position: b.quantity(state::POSITION)?,
-            attitude: if at_the_body { None } else { Some(b.quantity(state::ATTITUDE)?) },
-            lever_arm,
-            scale: b.param("scale", &self.scale)?,
-            bias: b.param("bias", &self.bias)?,
-        })))
-    }
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct Range {
+pub struct Range {
     /// In Earth-centred axes \[m\].
     beacons_e: Vec<Vector3<f64>>,
     position: Quantity<fusion_core::state::Geodetic>,
@@ -157,13 +64,120 @@ impl ExactModel for Range {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::earth::frames::ecef_from_geodetic;
+    use crate::param::{ScalarParam, VectorParam};
+    use crate::units::{Dimension, Dimensional, Latitude, Length, Longitude, Place, dim};
+    use crate::vocabulary::state;
+    use fusion_core::geometry::wgs84::Geodetic;
+    use fusion_core::model::{Exact, Measurement};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Range to a beacon at a known place, or to several at once.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct RangeSpec {
+        /// Latitude of the beacon, north positive.
+        latitude: Option<Latitude>,
+        /// Longitude of the beacon, east positive.
+        longitude: Option<Longitude>,
+        /// Height of the beacon above the ellipsoid, up positive.
+        height: Option<Length>,
+        /// Several beacons, measured together: one range each, in this order, in one measurement. Instead
+        /// of `latitude`, `longitude` and `height`.
+        beacons: Option<Vec<Place>>,
+        /// Transducer position in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Scale error κ: the sensor reads (1 + κ) of the range.
+        #[serde(default)]
+        scale: ScalarParam<dim::Ratio>,
+        /// Range bias, independent of the range.
+        #[serde(default)]
+        bias: ScalarParam<dim::Length>,
+    }
+
+    crate::register!(
+        Sensor,
+        "range",
+        RangeSpec,
+        r#"
+latitude = "36.0985 deg"
+longitude = "129.4505 deg"
+height = "-20 m"
+lever_arm = { estimate = true, initial = [0.5, 0, "-20 cm"], sigma = "10 cm" }
+scale = { estimate = true, initial = 0, sigma = "0.3 %", correlation_time = "1 h" }
+bias = { estimate = true, initial = 0, sigma = "20 cm" }
+"#
+    );
+
+    impl RangeSpec {
+        /// How many ranges it measures at once.
+        fn rows(&self) -> usize {
+            self.beacons.as_ref().map_or(1, Vec::len)
+        }
+
+        /// Where the beacons are.
+        pub(super) fn places(&self) -> Result<Vec<Geodetic>, BuildError> {
+            let single = (self.latitude, self.longitude, self.height);
+            match (&self.beacons, single) {
+                (Some(beacons), (None, None, None)) if !beacons.is_empty() => Ok(beacons.iter().map(|b| (*b).into()).collect()),
+                (Some(beacons), (None, None, None)) if beacons.is_empty() => Err(BuildError::at("beacons", "there is no beacon")),
+                (None, (Some(lat), Some(lon), Some(height))) => Ok(vec![Geodetic::new(lat.si(), lon.si(), height.si())]),
+                (None, _) => {
+                    let help = "state `latitude`, `longitude` and `height`, or a list of `beacons`";
+                    Err(BuildError::new("nothing says where the beacon is").help(help))
+                }
+                (Some(_), _) => {
+                    let message = "`beacons` stand instead of `latitude`, `longitude` and `height`";
+                    Err(BuildError::at("beacons", message).help("make the single beacon one of the list"))
+                }
+            }
+        }
+    }
+
+    #[typetag::deserialize(name = "range")]
+    impl SensorSpec for RangeSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(Channel::vector("range", self.rows(), dim::Length::KIND.dimension))
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Length::KIND.dimension; self.rows()]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            let lever_arm = b.param("lever_arm", &self.lever_arm)?;
+            let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
+            Ok(Box::new(Exact(Range {
+                beacons_e: self.places()?.iter().map(ecef_from_geodetic).collect(),
+                position: b.quantity(state::POSITION)?,
+                attitude: if at_the_body { None } else { Some(b.quantity(state::ATTITUDE)?) },
+                lever_arm,
+                scale: b.param("scale", &self.scale)?,
+                bias: b.param("bias", &self.bias)?,
+            })))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::earth::frames::ecef_from_geodetic;
     use crate::earth::frames::rotation_en;
     use fusion_core::geometry::so3::{rotation, skew};
-    use fusion_core::geometry::wgs84::{Radii, radii};
+    use fusion_core::geometry::wgs84::{Geodetic, Radii, radii};
     use fusion_core::linear::Jacobian;
+    use fusion_core::model::Exact;
+    use fusion_core::model::Measurement;
     use fusion_core::state::{Declaration, Dynamics, Layout, LayoutBuilder, Manifold, StateRole, View};
     use nalgebra::RowVector3;
 

@@ -4,6 +4,8 @@
 //! Shared   a second sensor of the same receiver reads them by `{ shared = "NAME.clock_drift" }`
 //! Source   Groves 2013, §9.4.2; Brown and Hwang 2012, §9.3
 
+#![cfg(feature = "declare")]
+
 use crate::block::{Build, BuildError};
 use crate::param::{Estimated, ParamSpec, ParamValue, ScalarParam};
 use crate::units::dim;

@@ -7,15 +7,11 @@
 //! Source     Groves 2013, eq. 8.34 to 8.36
 
 use super::range::earth_centred;
-use crate::block::{Build, BuildError};
 use crate::earth::SPEED_OF_LIGHT;
-use crate::param::VectorParam;
-use crate::units::dim;
-use crate::vocabulary::state;
 use fusion_core::geometry::wgs84::EARTH_RATE;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Size, Undefined};
-use fusion_core::state::{Attitude, Geodetic, Manifold, Param, Quantity, Vector, View};
+use fusion_core::state::{Attitude, Geodetic, Param, Quantity, Vector, View};
 use nalgebra::Vector3;
 
 /// An example: a satellite 20° from the zenith at 36° north, 129° east, in metres and metres per second.
@@ -23,28 +19,13 @@ pub(super) const EXAMPLE: [f64; 6] = [-2.0e7, 1.0e7, 1.4e7, -1500.0, -2000.0, 80
 
 /// The antenna of a receiver.
 #[derive(Clone, Debug)]
-pub(super) struct Antenna {
+pub struct Antenna {
     position: Quantity<Geodetic>,
     pub(super) attitude: Option<Quantity<Attitude>>,
     pub(super) lever_arm: Param<Vector<3>>,
 }
 
 impl Antenna {
-    pub(super) fn build(b: &mut Build<'_>, lever_arm: &VectorParam<dim::Length>) -> Result<Self, BuildError> {
-        let lever_arm = b.param("lever_arm", lever_arm)?;
-        let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
-        Ok(Self {
-            position: b.quantity(state::POSITION)?,
-            // A process without an attitude serves an antenna at the body origin.
-            attitude: if at_the_body { None } else { Some(b.quantity(state::ATTITUDE)?) },
-            lever_arm,
-        })
-    }
-
-    pub(super) fn reads_signals(&self) -> bool {
-        self.attitude.as_ref().is_some_and(is_signal) || is_signal(&self.position) || is_signal(&self.lever_arm)
-    }
-
     /// Latitude, longitude \[rad\] and height \[m\] of the body, and the antenna r_a \[m\].
     pub(super) fn place<D: Real>(&self, x: &ExactView<'_, D>) -> ([D; 3], Vector3<D>) {
         let body = x.geodetic(&self.position);
@@ -54,10 +35,6 @@ impl Antenna {
             .map(|attitude| x.rotate(attitude, &x.vector(&self.lever_arm)));
         (body, earth_centred(body, l_n))
     }
-}
-
-pub(super) fn is_signal<M: Manifold>(quantity: &Quantity<M>) -> bool {
-    matches!(quantity, Quantity::Signal(_))
 }
 
 /// The given vector that begins at number `first` of the row.
@@ -87,7 +64,7 @@ pub(super) fn turn<D: Real>(satellite: &Vector3<D>, antenna: &Vector3<D>) -> Res
 
 /// A model of one row whose last `given` numbers are those of a satellite.
 #[derive(Debug)]
-pub(super) struct OfSatellite<M> {
+pub struct OfSatellite<M> {
     pub(super) model: Exact<M>,
     pub(super) given: usize,
     pub(super) reads_signals: bool,
@@ -120,6 +97,40 @@ impl<M: ExactModel> Measurement for OfSatellite<M> {
 
     fn given(&self) -> &'static [f64] {
         &EXAMPLE[..self.given]
+    }
+}
+
+#[cfg(feature = "declare")]
+pub(super) use spec::is_signal;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError};
+    use crate::param::VectorParam;
+    use crate::units::dim;
+    use crate::vocabulary::state;
+    use fusion_core::state::Manifold;
+
+    impl Antenna {
+        pub(crate) fn build(b: &mut Build<'_>, lever_arm: &VectorParam<dim::Length>) -> Result<Self, BuildError> {
+            let lever_arm = b.param("lever_arm", lever_arm)?;
+            let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
+            Ok(Self {
+                position: b.quantity(state::POSITION)?,
+                // A process without an attitude serves an antenna at the body origin.
+                attitude: if at_the_body { None } else { Some(b.quantity(state::ATTITUDE)?) },
+                lever_arm,
+            })
+        }
+
+        pub(crate) fn reads_signals(&self) -> bool {
+            self.attitude.as_ref().is_some_and(is_signal) || is_signal(&self.position) || is_signal(&self.lever_arm)
+        }
+    }
+
+    pub(crate) fn is_signal<M: Manifold>(quantity: &Quantity<M>) -> bool {
+        matches!(quantity, Quantity::Signal(_))
     }
 }
 

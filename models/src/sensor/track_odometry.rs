@@ -10,83 +10,12 @@
 //! Valid      one slip for both tracks; B and c constant, or as slow as their random walk
 //! Source     Martínez et al. 2005, Approximating kinematics for tracked mobile robots
 
-use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::param::{RotationParam, ScalarParam, VectorParam};
-use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::{channel, parameter, state};
-use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Undefined};
+use fusion_core::model::{ExactModel, ExactView, Real, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Scalar, Vector, Velocity};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Speeds of the left and right track of a skid-steered vehicle.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TrackOdometrySpec {
-    /// Distance between the centres of rotation of the two tracks; the gauge of the vehicle times 1.5 or so.
-    gauge: ScalarParam<dim::Length>,
-    /// Middle between these centres, to the right of the point of the lever arm.
-    #[serde(default)]
-    centre: ScalarParam<dim::Length>,
-    /// Slip of both tracks: the share of their speed that is lost.
-    #[serde(default)]
-    slip: ScalarParam<dim::Ratio>,
-    /// Middle of the tracks in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Roll, pitch, yaw of the vehicle's axes in the body: x_body = C(mounting) x_vehicle.
-    #[serde(default)]
-    mounting: RotationParam,
-}
-
-crate::register!(
-    Sensor,
-    "track_odometry",
-    TrackOdometrySpec,
-    r#"
-gauge = { estimate = true, initial = "4.15 m", sigma = "20 cm" }
-centre = { estimate = true, initial = 0, sigma = "5 cm" }
-slip = { estimate = true, initial = "4 %", sigma = "3 %", correlation_time = "2 s" }
-lever_arm = ["30 cm", 0, "50 cm"]
-"#
-);
-
-#[typetag::deserialize(name = "track_odometry")]
-impl SensorSpec for TrackOdometrySpec {
-    fn reading(&self) -> Reading {
-        Reading::Channels(vec![channel::LEFT_TRACK, channel::RIGHT_TRACK])
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Speed::KIND.dimension; 2]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        &["left", "right"]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        if self.gauge.initial().is_some_and(|gauge| gauge <= 0.0) {
-            return Err(
-                BuildError::at("gauge", "the gauge, the distance between the tracks, must be greater than 0").help("write e.g. \"0.8 m\""),
-            );
-        }
-        Ok(Box::new(Exact(TrackOdometry {
-            velocity: b.quantity(state::VELOCITY)?,
-            attitude: b.quantity(state::ATTITUDE)?,
-            rate: b.quantity(state::ANGULAR_RATE)?,
-            gauge: b.param("gauge", &self.gauge)?,
-            centre: b.param("centre", &self.centre)?,
-            slip: b.param(parameter::SLIP, &self.slip)?,
-            lever_arm: b.param("lever_arm", &self.lever_arm)?,
-            mounting: b.param("mounting", &self.mounting)?,
-        })))
-    }
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct TrackOdometry {
+pub struct TrackOdometry {
     velocity: Quantity<Velocity>,
     attitude: Quantity<Attitude>,
     rate: Quantity<Vector<3>>,
@@ -118,10 +47,93 @@ impl ExactModel for TrackOdometry {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::param::{RotationParam, ScalarParam, VectorParam};
+    use crate::units::{Dimension, Dimensional, dim};
+    use crate::vocabulary::{channel, parameter, state};
+    use fusion_core::model::{Exact, Measurement};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Speeds of the left and right track of a skid-steered vehicle.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct TrackOdometrySpec {
+        /// Distance between the centres of rotation of the two tracks; the gauge of the vehicle times 1.5 or so.
+        gauge: ScalarParam<dim::Length>,
+        /// Middle between these centres, to the right of the point of the lever arm.
+        #[serde(default)]
+        centre: ScalarParam<dim::Length>,
+        /// Slip of both tracks: the share of their speed that is lost.
+        #[serde(default)]
+        slip: ScalarParam<dim::Ratio>,
+        /// Middle of the tracks in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Roll, pitch, yaw of the vehicle's axes in the body: x_body = C(mounting) x_vehicle.
+        #[serde(default)]
+        mounting: RotationParam,
+    }
+
+    crate::register!(
+        Sensor,
+        "track_odometry",
+        TrackOdometrySpec,
+        r#"
+gauge = { estimate = true, initial = "4.15 m", sigma = "20 cm" }
+centre = { estimate = true, initial = 0, sigma = "5 cm" }
+slip = { estimate = true, initial = "4 %", sigma = "3 %", correlation_time = "2 s" }
+lever_arm = ["30 cm", 0, "50 cm"]
+"#
+    );
+
+    #[typetag::deserialize(name = "track_odometry")]
+    impl SensorSpec for TrackOdometrySpec {
+        fn reading(&self) -> Reading {
+            Reading::Channels(vec![channel::LEFT_TRACK, channel::RIGHT_TRACK])
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Speed::KIND.dimension; 2]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            &["left", "right"]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            if self.gauge.initial().is_some_and(|gauge| gauge <= 0.0) {
+                return Err(
+                    BuildError::at("gauge", "the gauge, the distance between the tracks, must be greater than 0")
+                        .help("write e.g. \"0.8 m\""),
+                );
+            }
+            Ok(Box::new(Exact(TrackOdometry {
+                velocity: b.quantity(state::VELOCITY)?,
+                attitude: b.quantity(state::ATTITUDE)?,
+                rate: b.quantity(state::ANGULAR_RATE)?,
+                gauge: b.param("gauge", &self.gauge)?,
+                centre: b.param("centre", &self.centre)?,
+                slip: b.param(parameter::SLIP, &self.slip)?,
+                lever_arm: b.param("lever_arm", &self.lever_arm)?,
+                mounting: b.param("mounting", &self.mounting)?,
+            })))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use fusion_core::geometry::so3::from_rpy;
+    use fusion_core::model::Exact;
+    use fusion_core::model::Measurement;
     use fusion_core::state::View;
     use nalgebra::Vector3;
 

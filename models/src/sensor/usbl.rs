@@ -14,120 +14,17 @@
 //! Source     error budget of USBL chains; the derivative is tested by the law of sensors
 
 use super::range::earth_centred;
-use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::param::{RotationParam, ScalarParam, VectorParam};
-use crate::units::{Dimension, Dimensional, Place, dim};
-use crate::vocabulary::{channel, state};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Size, Undefined};
-use fusion_core::state::{Attitude, Geodetic, Param, Quantity, QuantityName, Scalar, Vector, View, wrap};
-use nalgebra::{Matrix3, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Range, bearing and depression of a transponder on the body, from a transceiver on another vessel or at
-/// a fixed place.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct UsblSpec {
-    /// The sensor `vessel_pose` of the vessel that carries the transceiver.
-    vessel: Option<String>,
-    /// The place of a fixed carrier of the transceiver, instead of `vessel`.
-    position: Option<Place>,
-    /// Roll, pitch, yaw of a fixed carrier.
-    #[serde(default)]
-    attitude: RotationParam,
-    /// The transceiver in the axes of its carrier, from the carrier's position.
-    #[serde(default)]
-    transceiver: VectorParam<dim::Length>,
-    /// Roll, pitch, yaw of the transceiver's axes in its carrier: x_carrier = C(mounting) x_transceiver.
-    #[serde(default)]
-    mounting: RotationParam,
-    /// Transponder position in body axes, from the body origin (the IMU).
-    #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
-    /// Scale error κ of the range: speed of sound assumed over that in the water, less one.
-    #[serde(default)]
-    sound_speed: ScalarParam<dim::Ratio>,
-}
-
-crate::register!(
-    Sensor,
-    "usbl",
-    UsblSpec,
-    r#"
-position = { latitude = "36.0985 deg", longitude = "129.4505 deg", height = "2 m" }
-attitude = [0, 0, "60 deg"]
-transceiver = ["4 m", "-2 m", "3 m"]
-mounting = { estimate = true, initial = [0, 0, "45 deg"], sigma = "1 deg" }
-lever_arm = { estimate = true, initial = ["20 cm", 0, "-80 cm"], sigma = "5 cm" }
-sound_speed = { estimate = true, initial = 0, sigma = "0.3 %", correlation_time = "1 h" }
-"#
-);
+use fusion_core::state::{Attitude, Geodetic, Param, Quantity, Scalar, Vector, View, wrap};
+use nalgebra::Matrix3;
 
 /// The place and attitude of the transceiver's carrier.
 type Carrier = (Quantity<Geodetic>, Quantity<Attitude>);
 
-impl UsblSpec {
-    fn carrier(&self, b: &mut Build<'_>) -> Result<Carrier, BuildError> {
-        match (&self.vessel, self.position) {
-            (None, Some(place)) => Ok((Quantity::Fixed(place.into()), b.param("attitude", &self.attitude)?)),
-            (Some(vessel), None) => {
-                let of = |part: &str| format!("{vessel}.{part}");
-                let missing = |e: BuildError| BuildError {
-                    field: "vessel".to_owned(),
-                    help: Some("name a sensor of type `vessel_pose` of this design".to_owned()),
-                    ..e
-                };
-                let position = b.quantity(QuantityName::new(&of("position"))).map_err(missing)?;
-                Ok((position, b.quantity(QuantityName::new(&of("attitude"))).map_err(missing)?))
-            }
-            _ => {
-                let message = "the transceiver is carried by a `vessel`, or it stands at a `position`";
-                Err(BuildError::new(message).help("write one of the two"))
-            }
-        }
-    }
-}
-
-#[typetag::deserialize(name = "usbl")]
-impl SensorSpec for UsblSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channels(vec![channel::RANGE, channel::BEARING, channel::DEPRESSION])
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        let angle = dim::Angle::KIND.dimension;
-        vec![dim::Length::KIND.dimension, angle, angle]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        &["range", "bearing", "depression"]
-    }
-
-    fn follows(&self) -> Option<&str> {
-        self.vessel.as_deref()
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let carrier = self.carrier(b)?;
-        let lever_arm = b.param("lever_arm", &self.lever_arm)?;
-        let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
-        Ok(Box::new(Usbl(Exact(Geometry {
-            position: b.quantity(state::POSITION)?,
-            attitude: if at_the_body { None } else { Some(b.quantity(state::ATTITUDE)?) },
-            lever_arm,
-            carrier,
-            transceiver: b.param("transceiver", &self.transceiver)?,
-            mounting: b.param("mounting", &self.mounting)?,
-            sound_speed: b.param("sound_speed", &self.sound_speed)?,
-        }))))
-    }
-}
-
 /// The quantities on which range and direction depend.
 #[derive(Debug)]
-struct Geometry {
+pub struct Geometry {
     position: Quantity<Geodetic>,
     attitude: Option<Quantity<Attitude>>,
     lever_arm: Param<Vector<3>>,
@@ -173,7 +70,7 @@ impl ExactModel for Geometry {
 
 /// The runtime model: the geometry, and angles that wrap.
 #[derive(Debug)]
-struct Usbl(Exact<Geometry>);
+pub struct Usbl(Exact<Geometry>);
 
 impl Measurement for Usbl {
     fn size(&self) -> Size {
@@ -201,11 +98,126 @@ impl Measurement for Usbl {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::param::{RotationParam, ScalarParam, VectorParam};
+    use crate::units::{Dimension, Dimensional, Place, dim};
+    use crate::vocabulary::{channel, state};
+    use fusion_core::state::QuantityName;
+    use nalgebra::Vector3;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Range, bearing and depression of a transponder on the body, from a transceiver on another vessel or at
+    /// a fixed place.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct UsblSpec {
+        /// The sensor `vessel_pose` of the vessel that carries the transceiver.
+        vessel: Option<String>,
+        /// The place of a fixed carrier of the transceiver, instead of `vessel`.
+        position: Option<Place>,
+        /// Roll, pitch, yaw of a fixed carrier.
+        #[serde(default)]
+        attitude: RotationParam,
+        /// The transceiver in the axes of its carrier, from the carrier's position.
+        #[serde(default)]
+        transceiver: VectorParam<dim::Length>,
+        /// Roll, pitch, yaw of the transceiver's axes in its carrier: x_carrier = C(mounting) x_transceiver.
+        #[serde(default)]
+        mounting: RotationParam,
+        /// Transponder position in body axes, from the body origin (the IMU).
+        #[serde(default)]
+        lever_arm: VectorParam<dim::Length>,
+        /// Scale error κ of the range: speed of sound assumed over that in the water, less one.
+        #[serde(default)]
+        sound_speed: ScalarParam<dim::Ratio>,
+    }
+
+    crate::register!(
+        Sensor,
+        "usbl",
+        UsblSpec,
+        r#"
+position = { latitude = "36.0985 deg", longitude = "129.4505 deg", height = "2 m" }
+attitude = [0, 0, "60 deg"]
+transceiver = ["4 m", "-2 m", "3 m"]
+mounting = { estimate = true, initial = [0, 0, "45 deg"], sigma = "1 deg" }
+lever_arm = { estimate = true, initial = ["20 cm", 0, "-80 cm"], sigma = "5 cm" }
+sound_speed = { estimate = true, initial = 0, sigma = "0.3 %", correlation_time = "1 h" }
+"#
+    );
+
+    impl UsblSpec {
+        pub(super) fn carrier(&self, b: &mut Build<'_>) -> Result<Carrier, BuildError> {
+            match (&self.vessel, self.position) {
+                (None, Some(place)) => Ok((Quantity::Fixed(place.into()), b.param("attitude", &self.attitude)?)),
+                (Some(vessel), None) => {
+                    let of = |part: &str| format!("{vessel}.{part}");
+                    let missing = |e: BuildError| BuildError {
+                        field: "vessel".to_owned(),
+                        help: Some("name a sensor of type `vessel_pose` of this design".to_owned()),
+                        ..e
+                    };
+                    let position = b.quantity(QuantityName::new(&of("position"))).map_err(missing)?;
+                    Ok((position, b.quantity(QuantityName::new(&of("attitude"))).map_err(missing)?))
+                }
+                _ => {
+                    let message = "the transceiver is carried by a `vessel`, or it stands at a `position`";
+                    Err(BuildError::new(message).help("write one of the two"))
+                }
+            }
+        }
+    }
+
+    #[typetag::deserialize(name = "usbl")]
+    impl SensorSpec for UsblSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channels(vec![channel::RANGE, channel::BEARING, channel::DEPRESSION])
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            let angle = dim::Angle::KIND.dimension;
+            vec![dim::Length::KIND.dimension, angle, angle]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            &["range", "bearing", "depression"]
+        }
+
+        fn follows(&self) -> Option<&str> {
+            self.vessel.as_deref()
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            let carrier = self.carrier(b)?;
+            let lever_arm = b.param("lever_arm", &self.lever_arm)?;
+            let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
+            Ok(Box::new(Usbl(Exact(Geometry {
+                position: b.quantity(state::POSITION)?,
+                attitude: if at_the_body { None } else { Some(b.quantity(state::ATTITUDE)?) },
+                lever_arm,
+                carrier,
+                transceiver: b.param("transceiver", &self.transceiver)?,
+                mounting: b.param("mounting", &self.mounting)?,
+                sound_speed: b.param("sound_speed", &self.sound_speed)?,
+            }))))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
     use fusion_core::geometry::so3::from_rpy;
     use fusion_core::geometry::wgs84::Geodetic as At;
+    use nalgebra::Vector3;
 
     /// The ship of a published chain: at its antenna, the transceiver (7, −3, 11) m from it.
     fn geometry(position: At, sound_speed: f64) -> Geometry {

@@ -9,8 +9,10 @@
 //!            `latency` of the source, or `time_offset`
 //! Not here   ship and transceiver (the stage that makes the fix), sound speed (the sensor `usbl`)
 
-use super::NED;
+#![cfg(feature = "declare")]
+
 use super::gnss_position::Fix;
+use crate::block::NED;
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};

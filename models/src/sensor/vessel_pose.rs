@@ -10,105 +10,18 @@
 //! Not here   how the vessel moves between two of its rows: give its pose at the time of the ping
 
 use super::attitude::unit;
-use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::units::{Dimension, Dimensional, NonNegative, dim};
-use crate::vocabulary::channel;
 use fusion_core::geometry::so3;
-use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
-use fusion_core::state::{Attitude, Declaration, Dynamics, Geodetic, Manifold, Quantity, StateRole, View};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
+use fusion_core::state::{Attitude, Geodetic, Manifold, Quantity, View};
+use nalgebra::{Matrix3, Vector3};
 
 /// Numbers of a geodetic position, before those of the quaternion.
 const PLACE: usize = 3;
-/// 1σ before the first row: anywhere in reach of acoustics \[m\], any attitude \[rad\].
-const UNKNOWN: (f64, f64) = (1e4, 2.0);
-
-/// Pose of another vessel, whose position and attitude become states: `NAME.position`, `NAME.attitude`. In a simulation it
-/// is the platform `[simulation.platform.NAME]`, or without one of this name the ship of `[simulation.ship]`.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct VesselPoseSpec {
-    /// How far it may move between two rows.
-    #[serde(default = "far")]
-    position_walk: NonNegative<dim::PositionRandomWalk>,
-    /// How far it may turn between two rows.
-    #[serde(default = "freely")]
-    attitude_walk: NonNegative<dim::AngleRandomWalk>,
-}
-
-/// A ship under way.
-fn far() -> NonNegative<dim::PositionRandomWalk> {
-    NonNegative::try_from_si(10.0).unwrap_or_default()
-}
-
-/// A small boat in waves: 20°/√s.
-fn freely() -> NonNegative<dim::AngleRandomWalk> {
-    NonNegative::try_from_si(20f64.to_radians()).unwrap_or_default()
-}
-
-crate::register!(
-    Sensor,
-    "vessel_pose",
-    VesselPoseSpec,
-    r#"
-position_walk = "10 m/sqrt(s)"
-attitude_walk = "20 deg/sqrt(s)"
-"#
-);
-
-#[typetag::deserialize(name = "vessel_pose")]
-impl SensorSpec for VesselPoseSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channels(vec![channel::SHIP_POSITION, channel::SHIP_ATTITUDE])
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        let (length, angle) = (dim::Length::KIND.dimension, dim::Angle::KIND.dimension);
-        vec![length, length, length, angle, angle, angle]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        &["north", "east", "down", "roll", "pitch", "yaw"]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let (far, turned) = UNKNOWN;
-        let place = b.origin.unwrap_or(Place::new(0.0, 0.0, 0.0));
-        Ok(Box::new(VesselPose {
-            position: declare::<Geodetic>(b, ("position", "m"), place, far, self.position_walk.si())?,
-            attitude: declare::<Attitude>(b, ("attitude", "rad"), UnitQuaternion::identity(), turned, self.attitude_walk.si())?,
-        }))
-    }
-}
-
-/// A state of the vessel: its part and unit, value and 1σ before the first row, and its walk.
-fn declare<M: Manifold>(
-    b: &mut Build<'_>,
-    (part, unit): (&str, &'static str),
-    initial: M::Value,
-    sigma: f64,
-    walk: f64,
-) -> Result<Quantity<M>, BuildError> {
-    let owner = b.name.to_owned();
-    let declared = Declaration {
-        name: format!("{owner}.{part}"),
-        owner,
-        unit,
-        initial,
-        sigma: vec![sigma; 3],
-        role: StateRole::Nuisance,
-        dynamics: Dynamics::RandomWalk { psd: vec![walk * walk; 3] },
-    };
-    Ok(b.layout.declare::<M>(declared)?.into())
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct VesselPose {
+pub struct VesselPose {
     position: Quantity<Geodetic>,
     attitude: Quantity<Attitude>,
 }
@@ -143,5 +56,103 @@ impl Measurement for VesselPose {
         Geodetic::write(&Geodetic::read(place).offset(&Vector3::from_column_slice(&e[..3])), place);
         let turned = unit(attitude) * so3::exp(&Vector3::from_column_slice(&e[3..6]));
         Attitude::write(&turned, attitude);
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::units::{Dimension, Dimensional, NonNegative, dim};
+    use crate::vocabulary::channel;
+    use fusion_core::geometry::wgs84::Geodetic as Place;
+    use fusion_core::state::{Declaration, Dynamics, StateRole};
+    use nalgebra::UnitQuaternion;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// 1σ before the first row: anywhere in reach of acoustics \[m\], any attitude \[rad\].
+    const UNKNOWN: (f64, f64) = (1e4, 2.0);
+
+    /// Pose of another vessel, whose position and attitude become states: `NAME.position`, `NAME.attitude`. In a simulation
+    /// it is the platform `[simulation.platform.NAME]`, or without one of this name the ship of `[simulation.ship]`.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct VesselPoseSpec {
+        /// How far it may move between two rows.
+        #[serde(default = "far")]
+        position_walk: NonNegative<dim::PositionRandomWalk>,
+        /// How far it may turn between two rows.
+        #[serde(default = "freely")]
+        attitude_walk: NonNegative<dim::AngleRandomWalk>,
+    }
+
+    /// A ship under way.
+    fn far() -> NonNegative<dim::PositionRandomWalk> {
+        NonNegative::try_from_si(10.0).unwrap_or_default()
+    }
+
+    /// A small boat in waves: 20°/√s.
+    fn freely() -> NonNegative<dim::AngleRandomWalk> {
+        NonNegative::try_from_si(20f64.to_radians()).unwrap_or_default()
+    }
+
+    crate::register!(
+        Sensor,
+        "vessel_pose",
+        VesselPoseSpec,
+        r#"
+position_walk = "10 m/sqrt(s)"
+attitude_walk = "20 deg/sqrt(s)"
+"#
+    );
+
+    #[typetag::deserialize(name = "vessel_pose")]
+    impl SensorSpec for VesselPoseSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channels(vec![channel::SHIP_POSITION, channel::SHIP_ATTITUDE])
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            let (length, angle) = (dim::Length::KIND.dimension, dim::Angle::KIND.dimension);
+            vec![length, length, length, angle, angle, angle]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            &["north", "east", "down", "roll", "pitch", "yaw"]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            let (far, turned) = UNKNOWN;
+            let place = b.origin.unwrap_or(Place::new(0.0, 0.0, 0.0));
+            Ok(Box::new(VesselPose {
+                position: declare::<Geodetic>(b, ("position", "m"), place, far, self.position_walk.si())?,
+                attitude: declare::<Attitude>(b, ("attitude", "rad"), UnitQuaternion::identity(), turned, self.attitude_walk.si())?,
+            }))
+        }
+    }
+
+    /// A state of the vessel: its part and unit, value and 1σ before the first row, and its walk.
+    fn declare<M: Manifold>(
+        b: &mut Build<'_>,
+        (part, unit): (&str, &'static str),
+        initial: M::Value,
+        sigma: f64,
+        walk: f64,
+    ) -> Result<Quantity<M>, BuildError> {
+        let owner = b.name.to_owned();
+        let declared = Declaration {
+            name: format!("{owner}.{part}"),
+            owner,
+            unit,
+            initial,
+            sigma: vec![sigma; 3],
+            role: StateRole::Nuisance,
+            dynamics: Dynamics::RandomWalk { psd: vec![walk * walk; 3] },
+        };
+        Ok(b.layout.declare::<M>(declared)?.into())
     }
 }

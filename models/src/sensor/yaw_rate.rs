@@ -5,56 +5,14 @@
 //! Jacobian   ∂h/∂r = 1,  ∂h/∂b = 1
 //! Valid      planar motion: the gyro's axis points down; the Earth's rotation is part of b
 
-use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::param::ScalarParam;
-use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::{channel, state};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Param, Quantity, Scalar, View};
 use nalgebra::Matrix1;
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Rate of turn, clockwise seen from above.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct YawRateSpec {
-    /// Bias of the gyro.
-    #[serde(default)]
-    bias: ScalarParam<dim::AngularRate>,
-}
-
-crate::register!(
-    Sensor,
-    "yaw_rate",
-    YawRateSpec,
-    r#"
-bias = { estimate = true, initial = 0, sigma = "1 deg/s", random_walk = "0.01 deg/s/sqrt(s)" }
-"#
-);
-
-#[typetag::deserialize(name = "yaw_rate")]
-impl SensorSpec for YawRateSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(channel::YAW_RATE)
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::AngularRate::KIND.dimension]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        Ok(Box::new(YawRate {
-            rate: b.quantity(state::YAW_RATE)?,
-            bias: b.param("bias", &self.bias)?,
-        }))
-    }
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct YawRate {
+pub struct YawRate {
     rate: Quantity<Scalar>,
     bias: Param<Scalar>,
 }
@@ -73,5 +31,55 @@ impl Measurement for YawRate {
         h.add(0, &self.rate, &Matrix1::new(1.0));
         h.add(0, &self.bias, &Matrix1::new(1.0));
         Ok(())
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::param::ScalarParam;
+    use crate::units::{Dimension, Dimensional, dim};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Rate of turn, clockwise seen from above.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct YawRateSpec {
+        /// Bias of the gyro.
+        #[serde(default)]
+        bias: ScalarParam<dim::AngularRate>,
+    }
+
+    crate::register!(
+        Sensor,
+        "yaw_rate",
+        YawRateSpec,
+        r#"
+bias = { estimate = true, initial = 0, sigma = "1 deg/s", random_walk = "0.01 deg/s/sqrt(s)" }
+"#
+    );
+
+    #[typetag::deserialize(name = "yaw_rate")]
+    impl SensorSpec for YawRateSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(channel::YAW_RATE)
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::AngularRate::KIND.dimension]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            Ok(Box::new(YawRate {
+                rate: b.quantity(state::YAW_RATE)?,
+                bias: b.param("bias", &self.bias)?,
+            }))
+        }
     }
 }

@@ -8,19 +8,13 @@
 //!            its noise is the random walk over √window
 //! Source     Groves 2013, §15.3
 
-use super::XYZ;
-use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::earth::LocalEarth;
-use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::geometry::wgs84::EARTH_RATE;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Quantity, Vector, View};
 use nalgebra::{Matrix3, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// `w_ie_n` \[rad/s\] and its derivative with δr \[rad/s per m\].
 fn earth_rate(p: &Geodetic) -> (Vector3<f64>, Matrix3<f64>) {
@@ -30,49 +24,9 @@ fn earth_rate(p: &Geodetic) -> (Vector3<f64>, Matrix3<f64>) {
     (earth.earth_rate_n(), by_position)
 }
 
-/// Pseudo-measurement at rest: the gyros read their bias and the rotation of the Earth.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ZeroAngularRateSpec {}
-
-crate::register!(Sensor, "zero_angular_rate", ZeroAngularRateSpec, "");
-
-#[typetag::deserialize(name = "zero_angular_rate")]
-impl SensorSpec for ZeroAngularRateSpec {
-    fn reading(&self) -> Reading {
-        Reading::Channel(channel::ANGULAR_RATE)
-    }
-
-    fn timing(&self) -> Option<&'static str> {
-        Some("stationarity")
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::AngularRate::KIND.dimension; 3]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        XYZ
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let help = "let the process estimate its gyro bias: `gyro_bias = { estimate = true, … }`; without it this block corrects nothing";
-        // A process of attitude alone is where the run is declared to be.
-        let position = match (b.quantity(state::POSITION), b.origin) {
-            (Err(_), Some(origin)) => Quantity::Fixed(origin),
-            (position, _) => position?,
-        };
-        Ok(Box::new(ZeroAngularRate {
-            gyro_bias: b.quantity(state::GYRO_BIAS).map_err(|e| e.help(help))?,
-            attitude: b.quantity(state::ATTITUDE)?,
-            position,
-        }))
-    }
-}
-
 /// The runtime model.
 #[derive(Debug)]
-struct ZeroAngularRate {
+pub struct ZeroAngularRate {
     gyro_bias: Quantity<Vector<3>>,
     position: Quantity<Geodetic>,
     attitude: Quantity<Attitude>,
@@ -100,9 +54,66 @@ impl Measurement for ZeroAngularRate {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::XYZ;
+    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::units::{Dimension, Dimensional, dim};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Pseudo-measurement at rest: the gyros read their bias and the rotation of the Earth.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct ZeroAngularRateSpec {}
+
+    crate::register!(Sensor, "zero_angular_rate", ZeroAngularRateSpec, "");
+
+    #[typetag::deserialize(name = "zero_angular_rate")]
+    impl SensorSpec for ZeroAngularRateSpec {
+        fn reading(&self) -> Reading {
+            Reading::Channel(channel::ANGULAR_RATE)
+        }
+
+        fn timing(&self) -> Option<&'static str> {
+            Some("stationarity")
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::AngularRate::KIND.dimension; 3]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            XYZ
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            let help =
+                "let the process estimate its gyro bias: `gyro_bias = { estimate = true, … }`; without it this block corrects nothing";
+            // A process of attitude alone is where the run is declared to be.
+            let position = match (b.quantity(state::POSITION), b.origin) {
+                (Err(_), Some(origin)) => Quantity::Fixed(origin),
+                (position, _) => position?,
+            };
+            Ok(Box::new(ZeroAngularRate {
+                gyro_bias: b.quantity(state::GYRO_BIAS).map_err(|e| e.help(help))?,
+                attitude: b.quantity(state::ATTITUDE)?,
+                position,
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::SensorSpec;
 
     #[test]
     fn at_rest_level_and_north_the_gyros_read_the_earth_rate_of_the_site() {

@@ -9,54 +9,15 @@
 //! Valid      at the body origin, at rest; needs a detector of rest
 //! Source     Groves 2013, §15.3; body axes: Hartley et al. 2020, §III (contacts of a foot)
 
-use super::XYZ;
-use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::state;
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Quantity, Velocity, View};
 use nalgebra::Matrix3;
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Pseudo-measurement at rest: the velocity is zero.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ZeroVelocitySpec {}
-
-crate::register!(Sensor, "zero_velocity", ZeroVelocitySpec, "");
-
-#[typetag::deserialize(name = "zero_velocity")]
-impl SensorSpec for ZeroVelocitySpec {
-    fn reading(&self) -> Reading {
-        Reading::Constant(vec![0.0; 3])
-    }
-
-    fn timing(&self) -> Option<&'static str> {
-        Some("stationarity")
-    }
-
-    fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Speed::KIND.dimension; 3]
-    }
-
-    fn axes(&self) -> &'static [&'static str] {
-        XYZ
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        Ok(Box::new(ZeroVelocity {
-            velocity: b.quantity(state::VELOCITY)?,
-            attitude: b.quantity(state::ATTITUDE).ok(),
-        }))
-    }
-}
 
 /// The runtime model.
 #[derive(Debug)]
-struct ZeroVelocity {
+pub struct ZeroVelocity {
     velocity: Quantity<Velocity>,
     attitude: Option<Quantity<Attitude>>,
 }
@@ -85,6 +46,53 @@ impl Measurement for ZeroVelocity {
         h.add(0, &self.velocity, &c_bn);
         h.add(0, attitude, &skew(&(c_bn * at.get(&self.velocity))));
         Ok(())
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::XYZ;
+    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::units::{Dimension, Dimensional, dim};
+    use crate::vocabulary::state;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Pseudo-measurement at rest: the velocity is zero.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct ZeroVelocitySpec {}
+
+    crate::register!(Sensor, "zero_velocity", ZeroVelocitySpec, "");
+
+    #[typetag::deserialize(name = "zero_velocity")]
+    impl SensorSpec for ZeroVelocitySpec {
+        fn reading(&self) -> Reading {
+            Reading::Constant(vec![0.0; 3])
+        }
+
+        fn timing(&self) -> Option<&'static str> {
+            Some("stationarity")
+        }
+
+        fn noise(&self) -> Vec<Dimension> {
+            vec![dim::Speed::KIND.dimension; 3]
+        }
+
+        fn axes(&self) -> &'static [&'static str] {
+            XYZ
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+            Ok(Box::new(ZeroVelocity {
+                velocity: b.quantity(state::VELOCITY)?,
+                attitude: b.quantity(state::ATTITUDE).ok(),
+            }))
+        }
     }
 }
 

@@ -9,6 +9,8 @@
 //! This module has no estimator, no file, no global generator. A run is a function of its
 //! declaration and one seed.
 
+#![cfg(feature = "declare")]
+
 mod closed_loop;
 mod constellation;
 mod control;

@@ -16,133 +16,18 @@
 pub mod field;
 pub mod field_gate;
 
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
-use crate::units::{self, Dimensional, NonNegative, Positive, Quantity as Unit, Vec3Of, dim};
-use crate::vocabulary::{channel, state};
-use field_gate::{FieldGate, FieldGateSpec};
+use field_gate::FieldGate;
 use fusion_core::geometry::so3;
 use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, View, wrap};
-use fusion_core::time::{Time, nanos};
+use fusion_core::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
-/// Headings from a magnetometer, tilt-compensated by the filter's own roll and pitch.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CompassStageSpec {
-    /// A stream with a `magnetic_field` channel, three axes.
-    source: String,
-    /// A stream with a `specific_force` channel, for the tilt before the filter starts; without it
-    /// the body is assumed to be level.
-    level_source: Option<String>,
-    /// The highest number of headings per second, once the filter has started; before, every field counts.
-    #[serde(default = "thirty_hertz")]
-    rate: Positive<dim::Frequency>,
-    /// Magnetic declination: direction of magnetic north, clockwise from true north.
-    #[serde(default)]
-    declination: units::Angle,
-    /// A of m = A (m_raw − hard_iron), row by row.
-    #[serde(default = "no_soft_iron")]
-    soft_iron: [Vec3Of<dim::Ratio>; 3],
-    /// Magnetic field of the body itself.
-    #[serde(default)]
-    hard_iron: Vec3Of<dim::MagneticField>,
-    /// Which samples of the field are left out; by default all samples are used.
-    gate: Option<FieldGateSpec>,
-    /// 1σ of the output field, for `noise = { from_source = true }`; needs a gate.
-    noise: Option<FieldNoiseSpec>,
-}
-
-/// The 1σ of a field: √(sigma² + (difference · d)²).
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct FieldNoiseSpec {
-    /// 1σ per axis of a field that looks undisturbed.
-    sigma: Positive<dim::MagneticField>,
-    /// The factor of the difference d from the undisturbed field, horizontal and downward part together. A disturbance
-    /// is common to N successive rows: include √N in the factor.
-    difference: NonNegative<dim::Ratio>,
-}
-
-fn thirty_hertz() -> Positive<dim::Frequency> {
-    Positive::try_from_si(30.0).unwrap_or_else(|_| unreachable!("30 is positive"))
-}
-
-/// The matrix without soft iron.
-pub(crate) fn no_soft_iron() -> [Vec3Of<dim::Ratio>; 3] {
-    let row = |i: usize| core::array::from_fn(|j| Unit::from_si(f64::from(i == j))).into();
-    [row(0), row(1), row(2)]
-}
-
-crate::register!(
-    Stage,
-    "compass",
-    CompassStageSpec,
-    r#"
-source = "magnetometer"
-level_source = "imu"
-rate = "30 Hz"
-declination = "-8 deg"
-soft_iron = [[1.02, 0, 0], [0, 0.99, 0], [0, 0, 1]]
-hard_iron = ["1.2 uT", "-3 uT", 0]
-gate = { magnitude = "5 %", dip = "3 deg", smooth_over = "0.1 s", hold_off = "2 s", adopt_after = "60 s", learn_for = "1 s" }
-noise = { sigma = "0.8 uT", difference = 5 }
-"#
-);
-
-#[typetag::deserialize(name = "compass")]
-impl StageSpec for CompassStageSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        let field = channel::MAGNETIC_FIELD;
-        let mut inputs = vec![Listen {
-            source: self.source.clone(),
-            channels: vec![field],
-        }];
-        if let Some(source) = &self.level_source {
-            let force = channel::SPECIFIC_FORCE;
-            inputs.push(Listen {
-                source: source.clone(),
-                channels: vec![force],
-            });
-        }
-        inputs
-    }
-
-    fn output(&self) -> Vec<Channel> {
-        let mut output = vec![channel::HEADING, channel::ATTITUDE, channel::MAGNETIC_FIELD];
-        if self.noise.is_some() {
-            output.push(Channel::vector("magnetic_field_sigma", 3, dim::MagneticField::KIND.dimension));
-        }
-        output
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        if self.noise.is_some() && self.gate.is_none() {
-            return Err(BuildError::at("noise", "the undisturbed field is known to a gate only").help("declare a `gate`"));
-        }
-        Ok(Box::new(CompassStage {
-            attitude: b.quantity(state::ATTITUDE)?,
-            declination: self.declination.si(),
-            soft_iron: Matrix3::from_rows(&self.soft_iron.map(|row| Vector3::from(row.si()).transpose())),
-            hard_iron: self.hard_iron.si().into(),
-            gate: self.gate.map(|g| g.build()),
-            noise: self.noise.map(|n| (n.sigma.si(), n.difference.si())),
-            period: nanos(1.0 / self.rate.si()),
-            force: self.level_source.is_none().then_some(LEVEL),
-            next: Time::MIN,
-        }))
-    }
-}
-
-/// The specific force, of any size, on a level body.
-const LEVEL: Vector3<f64> = Vector3::new(0.0, 0.0, -1.0);
-
+/// The runtime stage.
 #[derive(Clone, Debug)]
-struct CompassStage {
+pub struct CompassStage {
     attitude: Quantity<Attitude>,
     declination: f64,
     soft_iron: Matrix3<f64>,
@@ -199,9 +84,139 @@ impl Stage for CompassStage {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::units::{self, Dimensional, NonNegative, Positive, Quantity as Unit, Vec3Of, dim};
+    use crate::vocabulary::{channel, state};
+    use field_gate::FieldGateSpec;
+    use fusion_core::time::nanos;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Headings from a magnetometer, tilt-compensated by the filter's own roll and pitch.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct CompassStageSpec {
+        /// A stream with a `magnetic_field` channel, three axes.
+        source: String,
+        /// A stream with a `specific_force` channel, for the tilt before the filter starts; without it
+        /// the body is assumed to be level.
+        level_source: Option<String>,
+        /// The highest number of headings per second, once the filter has started; before, every field counts.
+        #[serde(default = "thirty_hertz")]
+        rate: Positive<dim::Frequency>,
+        /// Magnetic declination: direction of magnetic north, clockwise from true north.
+        #[serde(default)]
+        declination: units::Angle,
+        /// A of m = A (m_raw − hard_iron), row by row.
+        #[serde(default = "no_soft_iron")]
+        soft_iron: [Vec3Of<dim::Ratio>; 3],
+        /// Magnetic field of the body itself.
+        #[serde(default)]
+        hard_iron: Vec3Of<dim::MagneticField>,
+        /// Which samples of the field are left out; by default all samples are used.
+        gate: Option<FieldGateSpec>,
+        /// 1σ of the output field, for `noise = { from_source = true }`; needs a gate.
+        noise: Option<FieldNoiseSpec>,
+    }
+
+    /// The 1σ of a field: √(sigma² + (difference · d)²).
+    #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    struct FieldNoiseSpec {
+        /// 1σ per axis of a field that looks undisturbed.
+        sigma: Positive<dim::MagneticField>,
+        /// The factor of the difference d from the undisturbed field, horizontal and downward part together. A disturbance
+        /// is common to N successive rows: include √N in the factor.
+        difference: NonNegative<dim::Ratio>,
+    }
+
+    fn thirty_hertz() -> Positive<dim::Frequency> {
+        Positive::try_from_si(30.0).unwrap_or_else(|_| unreachable!("30 is positive"))
+    }
+
+    /// The matrix without soft iron.
+    pub(crate) fn no_soft_iron() -> [Vec3Of<dim::Ratio>; 3] {
+        let row = |i: usize| core::array::from_fn(|j| Unit::from_si(f64::from(i == j))).into();
+        [row(0), row(1), row(2)]
+    }
+
+    crate::register!(
+        Stage,
+        "compass",
+        CompassStageSpec,
+        r#"
+source = "magnetometer"
+level_source = "imu"
+rate = "30 Hz"
+declination = "-8 deg"
+soft_iron = [[1.02, 0, 0], [0, 0.99, 0], [0, 0, 1]]
+hard_iron = ["1.2 uT", "-3 uT", 0]
+gate = { magnitude = "5 %", dip = "3 deg", smooth_over = "0.1 s", hold_off = "2 s", adopt_after = "60 s", learn_for = "1 s" }
+noise = { sigma = "0.8 uT", difference = 5 }
+"#
+    );
+
+    #[typetag::deserialize(name = "compass")]
+    impl StageSpec for CompassStageSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            let field = channel::MAGNETIC_FIELD;
+            let mut inputs = vec![Listen {
+                source: self.source.clone(),
+                channels: vec![field],
+            }];
+            if let Some(source) = &self.level_source {
+                let force = channel::SPECIFIC_FORCE;
+                inputs.push(Listen {
+                    source: source.clone(),
+                    channels: vec![force],
+                });
+            }
+            inputs
+        }
+
+        fn output(&self) -> Vec<Channel> {
+            let mut output = vec![channel::HEADING, channel::ATTITUDE, channel::MAGNETIC_FIELD];
+            if self.noise.is_some() {
+                output.push(Channel::vector("magnetic_field_sigma", 3, dim::MagneticField::KIND.dimension));
+            }
+            output
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+            if self.noise.is_some() && self.gate.is_none() {
+                return Err(BuildError::at("noise", "the undisturbed field is known to a gate only").help("declare a `gate`"));
+            }
+            Ok(Box::new(CompassStage {
+                attitude: b.quantity(state::ATTITUDE)?,
+                declination: self.declination.si(),
+                soft_iron: Matrix3::from_rows(&self.soft_iron.map(|row| Vector3::from(row.si()).transpose())),
+                hard_iron: self.hard_iron.si().into(),
+                gate: self.gate.map(|g| g.build()),
+                noise: self.noise.map(|n| (n.sigma.si(), n.difference.si())),
+                period: nanos(1.0 / self.rate.si()),
+                force: self.level_source.is_none().then_some(LEVEL),
+                next: Time::MIN,
+            }))
+        }
+    }
+
+    /// The specific force, of any size, on a level body.
+    const LEVEL: Vector3<f64> = Vector3::new(0.0, 0.0, -1.0);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::StageSpec;
+    use crate::vocabulary::state;
+    use field_gate::FieldGateSpec;
 
     fn stage(gate: bool) -> CompassStage {
         CompassStage {

@@ -4,84 +4,20 @@
 //! Mask     a row below it does not pass
 //! Source   RTKLIB 2.4.2 manual, eq. E.6.24
 
-use super::satellite::{Body, WIDTH, channels, listen};
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
-use crate::units::{Dimensional, Positive, Quantity, dim};
-use fusion_core::math;
-use fusion_core::memory;
+use super::satellite::{Body, WIDTH};
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
-use schemars::JsonSchema;
-use serde::Deserialize;
+use fusion_core::{math, memory};
 
-/// Gives pseudoranges a 1σ that grows towards the horizon, and drops low satellites.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ElevationNoiseSpec {
-    /// The stream of pseudoranges, with the positions of their satellites.
-    source: String,
-    /// The part a of the 1σ that is the same for every elevation.
-    sigma: Positive<dim::Length>,
-    /// The part b of the 1σ that is divided by the sine of the elevation.
-    sigma_low: Positive<dim::Length>,
-    /// Least elevation of a satellite that is used, more than 0; 10 deg by default.
-    #[serde(default = "ten_degrees")]
-    mask: Quantity<dim::Angle>,
-}
-
-fn ten_degrees() -> Quantity<dim::Angle> {
-    Quantity::from_si(10f64.to_radians())
-}
-
-crate::register!(
-    Stage,
-    "elevation_noise",
-    ElevationNoiseSpec,
-    r#"
-source = "gps"
-sigma = "1 m"
-sigma_low = "1 m"
-mask = "10 deg"
-"#
-);
-
-#[typetag::deserialize(name = "elevation_noise")]
-impl StageSpec for ElevationNoiseSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        listen(&self.source)
-    }
-
-    fn output(&self) -> Vec<Channel> {
-        let mut all = channels();
-        let sigma = Channel::vector("", 1, dim::Length::KIND.dimension);
-        let name = Channel::sigma_name(&all[0].name).into();
-        all.push(Channel { name, ..sigma });
-        all
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        let mask = self.mask.si();
-        if mask <= 0.0 {
-            let message = "at the horizon the noise is infinite: the mask must be above it";
-            return Err(BuildError::at("mask", message).help("write 5 to 15 deg"));
-        }
-        Ok(Box::new(ElevationNoise {
-            body: Body::build(b)?,
-            sigmas: [self.sigma.si(), self.sigma_low.si()],
-            mask,
-        }))
-    }
-}
-
+/// The runtime stage.
 #[derive(Clone, Debug)]
-struct ElevationNoise {
+pub struct ElevationNoise {
     body: Body,
     /// a and b \[m\].
     sigmas: [f64; 2],
     mask: f64,
 }
-
 memory!(ElevationNoise { ; body, sigmas, mask });
 
 /// The 1σ \[m\] at an elevation \[rad\].
@@ -98,6 +34,78 @@ impl Stage for ElevationNoise {
         with_sigma[..WIDTH].copy_from_slice(&row[..WIDTH]);
         with_sigma[WIDTH] = sigma(self.sigmas, seen.elevation);
         out.emit(time, &with_sigma);
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::stage::satellite::{channels, listen};
+    use crate::units::{Dimensional, Positive, Quantity, dim};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Gives pseudoranges a 1σ that grows towards the horizon, and drops low satellites.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct ElevationNoiseSpec {
+        /// The stream of pseudoranges, with the positions of their satellites.
+        source: String,
+        /// The part a of the 1σ that is the same for every elevation.
+        sigma: Positive<dim::Length>,
+        /// The part b of the 1σ that is divided by the sine of the elevation.
+        sigma_low: Positive<dim::Length>,
+        /// Least elevation of a satellite that is used, more than 0; 10 deg by default.
+        #[serde(default = "ten_degrees")]
+        mask: Quantity<dim::Angle>,
+    }
+
+    fn ten_degrees() -> Quantity<dim::Angle> {
+        Quantity::from_si(10f64.to_radians())
+    }
+
+    crate::register!(
+        Stage,
+        "elevation_noise",
+        ElevationNoiseSpec,
+        r#"
+source = "gps"
+sigma = "1 m"
+sigma_low = "1 m"
+mask = "10 deg"
+"#
+    );
+
+    #[typetag::deserialize(name = "elevation_noise")]
+    impl StageSpec for ElevationNoiseSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            listen(&self.source)
+        }
+
+        fn output(&self) -> Vec<Channel> {
+            let mut all = channels();
+            let sigma = Channel::vector("", 1, dim::Length::KIND.dimension);
+            let name = Channel::sigma_name(&all[0].name).into();
+            all.push(Channel { name, ..sigma });
+            all
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+            let mask = self.mask.si();
+            if mask <= 0.0 {
+                let message = "at the horizon the noise is infinite: the mask must be above it";
+                return Err(BuildError::at("mask", message).help("write 5 to 15 deg"));
+            }
+            Ok(Box::new(ElevationNoise {
+                body: Body::build(b)?,
+                sigmas: [self.sigma.si(), self.sigma_low.si()],
+                mask,
+            }))
+        }
     }
 }
 

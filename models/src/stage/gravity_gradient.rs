@@ -14,19 +14,12 @@
 //! Valid      at rest or in steady motion: rows with ||f| − g| > `band`·g are left out
 //! Source     Madgwick 2010, eqs. 12-34, with gravity along down
 
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
-use crate::earth::LocalEarth;
-use crate::units::{Dimensional, NonNegative, Positive, Quantity as Unit, Range, STANDARD_GRAVITY, dim};
-use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
-use fusion_core::math;
-use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, Vector, View};
 use fusion_core::time::Time;
+use fusion_core::{math, memory};
 use nalgebra::{Matrix3x4, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// The gradient below which the step has no direction: tilt of 1e-9 rad.
 const FLAT: f64 = 4e-9;
@@ -72,38 +65,14 @@ pub fn gradient_step(q: &UnitQuaternion<f64>, f_b: &Vector3<f64>, mu: f64) -> Op
     (length > FLAT).then(|| so3::from_scalar_first(&(so3::to_scalar_first(q) - gradient * (mu / length))))
 }
 
-/// A gradient step from the estimate towards the vertical of the accelerometers, as a measured attitude.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GravityGradientSpec {
-    /// The IMU stream.
-    source: String,
-    /// α, the step in units of the rotation measured by the gyros.
-    #[serde(default = "gain")]
-    gain: NonNegative<dim::Ratio>,
-    /// μ₀, the step at rest: half the tilt that one sample corrects. The limit cycle is twice this step.
-    #[serde(default = "floor")]
-    floor: Positive<dim::Ratio>,
-    /// Where the step starts.
-    #[serde(default)]
-    from: StepFrom,
-    /// 1σ of the measured attitude about each axis: twice the 1σ of a component of the quaternion.
-    #[serde(default = "sigma")]
-    sigma: Positive<dim::Angle>,
-    /// k of σ² (1 + k (|f|/g − 1)²); 0 is a constant σ.
-    #[serde(default)]
-    adaptive: NonNegative<dim::Ratio>,
-    /// Samples are left out where |f| differs from g by more than this share of g.
-    #[serde(default = "band")]
-    band: Positive<dim::Ratio>,
-    /// g; by default the gravity at the origin, or standard gravity.
-    gravity: Option<Positive<dim::Acceleration>>,
-}
-
 /// Where a gradient step starts.
-#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
-enum StepFrom {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "declare",
+    derive(serde::Deserialize, schemars::JsonSchema),
+    serde(rename_all = "snake_case")
+)]
+pub enum StepFrom {
     /// The last estimate, as a paper prints it: the measured attitude lags by one sample.
     #[default]
     Last,
@@ -111,77 +80,9 @@ enum StepFrom {
     Predicted,
 }
 
-/// A default within its range.
-fn constant<D: Dimensional, R: Range>(value: f64) -> Unit<D, R> {
-    Unit::try_from_si(value).unwrap_or_else(|_| unreachable!("the default {value} is in range"))
-}
-
-fn gain() -> NonNegative<dim::Ratio> {
-    constant(1.5)
-}
-
-fn floor() -> Positive<dim::Ratio> {
-    constant(1e-4)
-}
-
-fn sigma() -> Positive<dim::Angle> {
-    constant(4e-3)
-}
-
-fn band() -> Positive<dim::Ratio> {
-    constant(0.05)
-}
-
-crate::register!(
-    Stage,
-    "gravity_gradient",
-    GravityGradientSpec,
-    r#"
-source = "imu"
-gain = 1.5
-floor = 1e-4
-from = "predicted"
-sigma = "0.25 deg"
-adaptive = 10
-band = "5 %"
-gravity = "9.81 m/s^2"
-"#
-);
-
-#[typetag::deserialize(name = "gravity_gradient")]
-impl StageSpec for GravityGradientSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        vec![Listen {
-            source: self.source.clone(),
-            channels: imu_channels(),
-        }]
-    }
-
-    fn output(&self) -> Vec<Channel> {
-        let sigma = |name, width| Channel::vector(name, width, dim::Angle::KIND.dimension);
-        vec![channel::ATTITUDE, sigma("attitude_sigma", 3), sigma("tilt_sigma", 2)]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        let at_origin = b.origin.map_or(STANDARD_GRAVITY, |o| LocalEarth::at(&o).gravity(b.gravity));
-        Ok(Box::new(GravityGradient {
-            attitude: b.quantity(state::ATTITUDE)?,
-            gyro_bias: b.quantity(state::GYRO_BIAS).ok(),
-            gain: self.gain.si(),
-            floor: self.floor.si(),
-            from: self.from,
-            sigma: self.sigma.si(),
-            adaptive: self.adaptive.si(),
-            band: self.band.si(),
-            gravity: self.gravity.map_or(at_origin, |g| g.si()),
-            last: None,
-        }))
-    }
-}
-
 /// The runtime stage.
 #[derive(Clone, Debug)]
-struct GravityGradient {
+pub struct GravityGradient {
     attitude: Quantity<Attitude>,
     gyro_bias: Option<Quantity<Vector<3>>>,
     gain: f64,
@@ -217,6 +118,116 @@ impl Stage for GravityGradient {
         if let Some(q) = gradient_step(&from, &f, step_length(self.gain, self.floor, &w, dt)) {
             let sigma = self.sigma * math::sqrt(1.0 + self.adaptive * excess * excess);
             out.emit(time, &[q.w, q.i, q.j, q.k, sigma, sigma, sigma, sigma, sigma]);
+        }
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
+    use crate::earth::LocalEarth;
+    use crate::units::{Dimensional, NonNegative, Positive, Quantity as Unit, Range, STANDARD_GRAVITY, dim};
+    use crate::vocabulary::{channel, state};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// A gradient step from the estimate towards the vertical of the accelerometers, as a measured attitude.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct GravityGradientSpec {
+        /// The IMU stream.
+        source: String,
+        /// α, the step in units of the rotation measured by the gyros.
+        #[serde(default = "gain")]
+        gain: NonNegative<dim::Ratio>,
+        /// μ₀, the step at rest: half the tilt that one sample corrects. The limit cycle is twice this step.
+        #[serde(default = "floor")]
+        floor: Positive<dim::Ratio>,
+        /// Where the step starts.
+        #[serde(default)]
+        from: StepFrom,
+        /// 1σ of the measured attitude about each axis: twice the 1σ of a component of the quaternion.
+        #[serde(default = "sigma")]
+        sigma: Positive<dim::Angle>,
+        /// k of σ² (1 + k (|f|/g − 1)²); 0 is a constant σ.
+        #[serde(default)]
+        adaptive: NonNegative<dim::Ratio>,
+        /// Samples are left out where |f| differs from g by more than this share of g.
+        #[serde(default = "band")]
+        band: Positive<dim::Ratio>,
+        /// g; by default the gravity at the origin, or standard gravity.
+        gravity: Option<Positive<dim::Acceleration>>,
+    }
+
+    /// A default within its range.
+    fn constant<D: Dimensional, R: Range>(value: f64) -> Unit<D, R> {
+        Unit::try_from_si(value).unwrap_or_else(|_| unreachable!("the default {value} is in range"))
+    }
+
+    fn gain() -> NonNegative<dim::Ratio> {
+        constant(1.5)
+    }
+
+    fn floor() -> Positive<dim::Ratio> {
+        constant(1e-4)
+    }
+
+    fn sigma() -> Positive<dim::Angle> {
+        constant(4e-3)
+    }
+
+    fn band() -> Positive<dim::Ratio> {
+        constant(0.05)
+    }
+
+    crate::register!(
+        Stage,
+        "gravity_gradient",
+        GravityGradientSpec,
+        r#"
+source = "imu"
+gain = 1.5
+floor = 1e-4
+from = "predicted"
+sigma = "0.25 deg"
+adaptive = 10
+band = "5 %"
+gravity = "9.81 m/s^2"
+"#
+    );
+
+    #[typetag::deserialize(name = "gravity_gradient")]
+    impl StageSpec for GravityGradientSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            vec![Listen {
+                source: self.source.clone(),
+                channels: imu_channels(),
+            }]
+        }
+
+        fn output(&self) -> Vec<Channel> {
+            let sigma = |name, width| Channel::vector(name, width, dim::Angle::KIND.dimension);
+            vec![channel::ATTITUDE, sigma("attitude_sigma", 3), sigma("tilt_sigma", 2)]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+            let at_origin = b.origin.map_or(STANDARD_GRAVITY, |o| LocalEarth::at(&o).gravity(b.gravity));
+            Ok(Box::new(GravityGradient {
+                attitude: b.quantity(state::ATTITUDE)?,
+                gyro_bias: b.quantity(state::GYRO_BIAS).ok(),
+                gain: self.gain.si(),
+                floor: self.floor.si(),
+                from: self.from,
+                sigma: self.sigma.si(),
+                adaptive: self.adaptive.si(),
+                band: self.band.si(),
+                gravity: self.gravity.map_or(at_origin, |g| g.si()),
+                last: None,
+            }))
         }
     }
 }

@@ -7,76 +7,26 @@
 //!           a = max(0, Σ α_n φ_mⁿ), p = max(72000, Σ β_n φ_mⁿ), F = 1 + 16 (0.53 − E)³
 //! Source    IS-GPS-200, §20.3.3.5.2.5
 
-use super::satellite::{Body, Direction, channels, listen};
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+use super::satellite::{Body, Direction};
 use crate::earth::SPEED_OF_LIGHT;
 use core::f64::consts::{PI, TAU};
-use fusion_core::math;
-use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
-use schemars::JsonSchema;
-use serde::Deserialize;
+use fusion_core::{math, memory};
 
-/// Takes the delay of the ionosphere out of pseudoranges of the L1 frequency, by the broadcast model of Klobuchar.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct KlobucharSpec {
-    /// The stream of pseudoranges, with the positions of their satellites; its stamps are in GPS time.
-    source: String,
-    /// The four broadcast coefficients α of the amplitude, in seconds and half turns.
-    alpha: [f64; 4],
-    /// The four broadcast coefficients β of the period, in seconds and half turns.
-    beta: [f64; 4],
-}
-
-crate::register!(
-    Stage,
-    "klobuchar",
-    KlobucharSpec,
-    r#"
-source = "gps"
-alpha = [3.82e-8, 1.49e-8, -1.79e-7, 0]
-beta = [1.43e5, 0, -3.28e5, 1.13e5]
-"#
-);
-
-#[typetag::deserialize(name = "klobuchar")]
-impl StageSpec for KlobucharSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        listen(&self.source)
-    }
-
-    fn output(&self) -> Vec<Channel> {
-        channels()
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        for (field, numbers) in [("alpha", self.alpha), ("beta", self.beta)] {
-            if !numbers.iter().all(|n| n.is_finite()) {
-                return Err(BuildError::at(field, "a coefficient is not finite"));
-            }
-        }
-        Ok(Box::new(Klobuchar {
-            body: Body::build(b)?,
-            alpha: self.alpha,
-            beta: self.beta,
-        }))
-    }
-}
-
+/// The runtime stage.
 #[derive(Clone, Debug)]
-struct Klobuchar {
+pub struct Klobuchar {
     body: Body,
     alpha: [f64; 4],
     beta: [f64; 4],
 }
-
 memory!(Klobuchar { ; body, alpha, beta });
 
 /// A day in seconds and in nanoseconds.
 const DAY: f64 = 86_400.0;
+
 const DAY_NANOS: i64 = 86_400_000_000_000;
 
 /// Σ c_n xⁿ.
@@ -114,6 +64,65 @@ impl Stage for Klobuchar {
         let day = time.nanos().rem_euclid(DAY_NANOS) as f64 * 1e-9;
         let delay = delay((&self.alpha, &self.beta), &seen, day);
         out.emit(time, &[row[0] - delay, row[1], row[2], row[3]]);
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::stage::satellite::{channels, listen};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Takes the delay of the ionosphere out of pseudoranges of the L1 frequency, by the broadcast model of Klobuchar.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct KlobucharSpec {
+        /// The stream of pseudoranges, with the positions of their satellites; its stamps are in GPS time.
+        source: String,
+        /// The four broadcast coefficients α of the amplitude, in seconds and half turns.
+        alpha: [f64; 4],
+        /// The four broadcast coefficients β of the period, in seconds and half turns.
+        beta: [f64; 4],
+    }
+
+    crate::register!(
+        Stage,
+        "klobuchar",
+        KlobucharSpec,
+        r#"
+source = "gps"
+alpha = [3.82e-8, 1.49e-8, -1.79e-7, 0]
+beta = [1.43e5, 0, -3.28e5, 1.13e5]
+"#
+    );
+
+    #[typetag::deserialize(name = "klobuchar")]
+    impl StageSpec for KlobucharSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            listen(&self.source)
+        }
+
+        fn output(&self) -> Vec<Channel> {
+            channels()
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+            for (field, numbers) in [("alpha", self.alpha), ("beta", self.beta)] {
+                if !numbers.iter().all(|n| n.is_finite()) {
+                    return Err(BuildError::at(field, "a coefficient is not finite"));
+                }
+            }
+            Ok(Box::new(Klobuchar {
+                body: Body::build(b)?,
+                alpha: self.alpha,
+                beta: self.beta,
+            }))
+        }
     }
 }
 

@@ -7,7 +7,7 @@ pub mod klobuchar;
 pub mod once_per;
 pub mod periodic;
 pub mod saastamoinen;
-mod satellite;
+pub mod satellite;
 pub mod stationarity;
 pub mod steady_force;
 pub mod still;

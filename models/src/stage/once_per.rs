@@ -6,95 +6,20 @@
 //! Valid      a source much faster than the other stream: its row comes up to one of its intervals later
 //! Not here   interpolation to the exact time
 
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
-use crate::units::{Dimensional, dim};
-use crate::vocabulary::channel;
 use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Passes one row of a stream for each row of another.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct OncePerSpec {
-    /// The stream whose rows pass.
-    source: String,
-    /// The stream whose rows trigger them.
-    each: String,
-    /// The channel of a row that passes.
-    channel: Passed,
-}
-
-/// A channel by its name.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-enum Passed {
-    /// `attitude`, a quaternion.
-    Attitude,
-    /// `heading`.
-    Heading,
-    /// `velocity`, north, east, down.
-    Velocity,
-    /// `body_velocity`, forward, right, down.
-    BodyVelocity,
-    /// `depth`, down positive.
-    Depth,
-}
-
-impl Passed {
-    const fn channel(self) -> Channel {
-        match self {
-            Self::Attitude => channel::ATTITUDE,
-            Self::Heading => channel::HEADING,
-            Self::Velocity => channel::VELOCITY,
-            Self::BodyVelocity => channel::BODY_VELOCITY,
-            Self::Depth => Channel::vector("depth", 1, dim::Length::KIND.dimension),
-        }
-    }
-}
-
-crate::register!(
-    Stage,
-    "once_per",
-    OncePerSpec,
-    r#"
-source = "reference_unit"
-each = "usbl"
-channel = "attitude"
-"#
-);
 
 /// The input whose rows pass.
 const SOURCE: usize = 0;
 
-#[typetag::deserialize(name = "once_per")]
-impl StageSpec for OncePerSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        let listen = |source: &str, channels| Listen {
-            source: source.to_owned(),
-            channels,
-        };
-        vec![listen(&self.source, vec![self.channel.channel()]), listen(&self.each, Vec::new())]
-    }
-
-    fn output(&self) -> Vec<Channel> {
-        vec![self.channel.channel()]
-    }
-
-    fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        Ok(Box::new(OncePer { is_due: false }))
-    }
-}
-
+/// The runtime stage.
 #[derive(Clone, Debug)]
-struct OncePer {
+pub struct OncePer {
     /// True if the next row passes.
     is_due: bool,
 }
-
 memory!(OncePer { is_due });
 
 impl Stage for OncePer {
@@ -108,9 +33,94 @@ impl Stage for OncePer {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::units::{Dimensional, dim};
+    use crate::vocabulary::channel;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Passes one row of a stream for each row of another.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct OncePerSpec {
+        /// The stream whose rows pass.
+        source: String,
+        /// The stream whose rows trigger them.
+        each: String,
+        /// The channel of a row that passes.
+        channel: Passed,
+    }
+
+    /// A channel by its name.
+    #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+    #[serde(rename_all = "snake_case")]
+    enum Passed {
+        /// `attitude`, a quaternion.
+        Attitude,
+        /// `heading`.
+        Heading,
+        /// `velocity`, north, east, down.
+        Velocity,
+        /// `body_velocity`, forward, right, down.
+        BodyVelocity,
+        /// `depth`, down positive.
+        Depth,
+    }
+
+    impl Passed {
+        const fn channel(self) -> Channel {
+            match self {
+                Self::Attitude => channel::ATTITUDE,
+                Self::Heading => channel::HEADING,
+                Self::Velocity => channel::VELOCITY,
+                Self::BodyVelocity => channel::BODY_VELOCITY,
+                Self::Depth => Channel::vector("depth", 1, dim::Length::KIND.dimension),
+            }
+        }
+    }
+
+    crate::register!(
+        Stage,
+        "once_per",
+        OncePerSpec,
+        r#"
+source = "reference_unit"
+each = "usbl"
+channel = "attitude"
+"#
+    );
+
+    #[typetag::deserialize(name = "once_per")]
+    impl StageSpec for OncePerSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            let listen = |source: &str, channels| Listen {
+                source: source.to_owned(),
+                channels,
+            };
+            vec![listen(&self.source, vec![self.channel.channel()]), listen(&self.each, Vec::new())]
+        }
+
+        fn output(&self) -> Vec<Channel> {
+            vec![self.channel.channel()]
+        }
+
+        fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+            Ok(Box::new(OncePer { is_due: false }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::StageSpec;
     use crate::earth::Gravity;
     use fusion_core::state::LayoutBuilder;
 

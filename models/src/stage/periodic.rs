@@ -4,68 +4,14 @@
 //! empty row at most once per period of its source; with `min_speed`, only while the vehicle moves. While a source that
 //! drives the process is silent, the clock continues with the steps in which the process coasts.
 
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
-use crate::units::{NonNegative, Positive, dim};
-use crate::vocabulary::state;
 use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Velocity, View};
-use fusion_core::time::{Time, nanos};
-use schemars::JsonSchema;
-use serde::Deserialize;
+use fusion_core::time::Time;
 
-/// Emits empty rows at a fixed rate: the timing of a pseudo-measurement.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PeriodicSpec {
-    /// The stream whose stamps drive the clock, e.g. the IMU.
-    source: String,
-    /// Rows per second, at most the source's own rate.
-    rate: Positive<dim::Frequency>,
-    /// Emit only while the estimated speed exceeds this.
-    min_speed: Option<NonNegative<dim::Speed>>,
-}
-
-crate::register!(
-    Stage,
-    "periodic",
-    PeriodicSpec,
-    r#"
-source = "imu"
-rate = "10 Hz"
-min_speed = "1 m/s"
-"#
-);
-
-#[typetag::deserialize(name = "periodic")]
-impl StageSpec for PeriodicSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        vec![Listen {
-            source: self.source.clone(),
-            channels: Vec::new(),
-        }]
-    }
-
-    fn output(&self) -> Vec<Channel> {
-        Vec::new()
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        let min_speed = match self.min_speed {
-            Some(speed) => Some((b.quantity(state::VELOCITY)?, speed.si())),
-            None => None,
-        };
-        Ok(Box::new(Periodic {
-            // Two rows are never closer than this.
-            period: nanos(1.0 / self.rate.si()).max(1),
-            min_speed,
-            next: Time::MIN,
-        }))
-    }
-}
-
+/// The runtime stage.
 #[derive(Clone, Debug)]
-struct Periodic {
+pub struct Periodic {
     period: i64,
     min_speed: Option<(Quantity<Velocity>, f64)>,
     next: Time,
@@ -101,9 +47,75 @@ impl Stage for Periodic {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::units::{NonNegative, Positive, dim};
+    use crate::vocabulary::state;
+    use fusion_core::time::nanos;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Emits empty rows at a fixed rate: the timing of a pseudo-measurement.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct PeriodicSpec {
+        /// The stream whose stamps drive the clock, e.g. the IMU.
+        source: String,
+        /// Rows per second, at most the source's own rate.
+        rate: Positive<dim::Frequency>,
+        /// Emit only while the estimated speed exceeds this.
+        min_speed: Option<NonNegative<dim::Speed>>,
+    }
+
+    crate::register!(
+        Stage,
+        "periodic",
+        PeriodicSpec,
+        r#"
+source = "imu"
+rate = "10 Hz"
+min_speed = "1 m/s"
+"#
+    );
+
+    #[typetag::deserialize(name = "periodic")]
+    impl StageSpec for PeriodicSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            vec![Listen {
+                source: self.source.clone(),
+                channels: Vec::new(),
+            }]
+        }
+
+        fn output(&self) -> Vec<Channel> {
+            Vec::new()
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+            let min_speed = match self.min_speed {
+                Some(speed) => Some((b.quantity(state::VELOCITY)?, speed.si())),
+                None => None,
+            };
+            Ok(Box::new(Periodic {
+                // Two rows are never closer than this.
+                period: nanos(1.0 / self.rate.si()).max(1),
+                min_speed,
+                next: Time::MIN,
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::StageSpec;
     use crate::earth::Gravity;
     use fusion_core::state::LayoutBuilder;
 

@@ -6,62 +6,12 @@
 //! Valid    0 to 10 km; lower and higher heights count as these. A row below 3° of elevation does not pass
 //! Source   Saastamoinen 1972; RTKLIB 2.4.2 manual, eq. E.5.1 to E.5.4
 
-use super::satellite::{Body, channels, listen};
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
-use crate::units::{NonNegative, dim};
+use super::satellite::Body;
 use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::math;
-use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Takes the delay of the troposphere out of pseudoranges, by the model of Saastamoinen in a standard atmosphere.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SaastamoinenSpec {
-    /// The stream of pseudoranges, with the positions of their satellites.
-    source: String,
-    /// Relative humidity of the air, 0 to 1; 0.7 by default.
-    #[serde(default = "humid")]
-    humidity: NonNegative<dim::Ratio>,
-}
-
-fn humid() -> NonNegative<dim::Ratio> {
-    NonNegative::try_from_si(0.7).unwrap_or_default()
-}
-
-crate::register!(
-    Stage,
-    "saastamoinen",
-    SaastamoinenSpec,
-    r#"
-source = "gps"
-humidity = 0.7
-"#
-);
-
-#[typetag::deserialize(name = "saastamoinen")]
-impl StageSpec for SaastamoinenSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        listen(&self.source)
-    }
-
-    fn output(&self) -> Vec<Channel> {
-        channels()
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        let humidity = self.humidity.si();
-        if humidity > 1.0 {
-            return Err(BuildError::at("humidity", "a relative humidity is at most 1").help("write 70 % as `0.7` or `\"70 %\"`"));
-        }
-        let body = Body::build(b)?;
-        Ok(Box::new(Saastamoinen { body, humidity }))
-    }
-}
+use fusion_core::{math, memory};
 
 /// The lowest elevation at which 1/sin E is a mapping of the delay \[rad\]: 3°.
 const LOWEST: f64 = 0.052;
@@ -76,12 +26,12 @@ fn zenith(place: &Geodetic, humidity: f64) -> f64 {
     0.002_276_8 * pressure / gravity + 0.002_277 * (1255.0 / t + 0.05) * vapour
 }
 
+/// The runtime stage.
 #[derive(Clone, Debug)]
-struct Saastamoinen {
+pub struct Saastamoinen {
     body: Body,
     humidity: f64,
 }
-
 memory!(Saastamoinen { ; body, humidity });
 
 impl Stage for Saastamoinen {
@@ -91,6 +41,64 @@ impl Stage for Saastamoinen {
         };
         let delay = zenith(&seen.place, self.humidity) / math::sin(seen.elevation);
         out.emit(time, &[row[0] - delay, row[1], row[2], row[3]]);
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::stage::satellite::{channels, listen};
+    use crate::units::{NonNegative, dim};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Takes the delay of the troposphere out of pseudoranges, by the model of Saastamoinen in a standard atmosphere.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct SaastamoinenSpec {
+        /// The stream of pseudoranges, with the positions of their satellites.
+        source: String,
+        /// Relative humidity of the air, 0 to 1; 0.7 by default.
+        #[serde(default = "humid")]
+        humidity: NonNegative<dim::Ratio>,
+    }
+
+    fn humid() -> NonNegative<dim::Ratio> {
+        NonNegative::try_from_si(0.7).unwrap_or_default()
+    }
+
+    crate::register!(
+        Stage,
+        "saastamoinen",
+        SaastamoinenSpec,
+        r#"
+source = "gps"
+humidity = 0.7
+"#
+    );
+
+    #[typetag::deserialize(name = "saastamoinen")]
+    impl StageSpec for SaastamoinenSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            listen(&self.source)
+        }
+
+        fn output(&self) -> Vec<Channel> {
+            channels()
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+            let humidity = self.humidity.si();
+            if humidity > 1.0 {
+                return Err(BuildError::at("humidity", "a relative humidity is at most 1").help("write 70 % as `0.7` or `\"70 %\"`"));
+            }
+            let body = Body::build(b)?;
+            Ok(Box::new(Saastamoinen { body, humidity }))
+        }
     }
 }
 

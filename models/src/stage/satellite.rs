@@ -3,9 +3,7 @@
 //! Row        pseudorange \[m\], satellite at transmission, Earth-centred Earth-fixed \[m\]
 //! Direction  from the estimated position of the body; the turn of the Earth during the flight, 5e-6 rad, is neglected
 
-use crate::block::{Build, BuildError, Channel, Listen};
 use crate::earth::frames::{ecef_from_geodetic, rotation_en};
-use crate::vocabulary::{channel, state};
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::math;
 use fusion_core::state::{Geodetic, Quantity, View};
@@ -13,19 +11,6 @@ use nalgebra::Vector3;
 
 /// Numbers of a row.
 pub(super) const WIDTH: usize = 4;
-
-/// The channels of a row.
-pub(super) fn channels() -> Vec<Channel> {
-    vec![channel::PSEUDORANGE, channel::SATELLITE_POSITION]
-}
-
-/// Listens to the rows of `source`.
-pub(super) fn listen(source: &str) -> Vec<Listen> {
-    vec![Listen {
-        source: source.to_owned(),
-        channels: channels(),
-    }]
-}
 
 /// Where a satellite is seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,13 +25,9 @@ pub(super) struct Direction {
 
 /// The estimated place of the body.
 #[derive(Clone, Debug)]
-pub(super) struct Body(Quantity<Geodetic>);
+pub struct Body(Quantity<Geodetic>);
 
 impl Body {
-    pub(super) fn build(b: &Build<'_>) -> Result<Self, BuildError> {
-        Ok(Self(b.quantity(state::POSITION)?))
-    }
-
     /// Where the satellite of `row` is seen; `None` before the filter has started, and for a row that is not finite.
     pub(super) fn sees(&self, row: &[f64], view: Option<&View<'_>>) -> Option<Direction> {
         let &[range, x, y, z] = row.first_chunk::<WIDTH>()?;
@@ -57,5 +38,34 @@ impl Body {
             azimuth: math::atan2(d.y, d.x),
             elevation: math::atan2(-d.z, math::hypot(d.x, d.y)),
         })
+    }
+}
+
+#[cfg(feature = "declare")]
+pub(super) use spec::{channels, listen};
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Listen};
+    use crate::vocabulary::{channel, state};
+
+    /// The channels of a row.
+    pub(crate) fn channels() -> Vec<Channel> {
+        vec![channel::PSEUDORANGE, channel::SATELLITE_POSITION]
+    }
+
+    /// Listens to the rows of `source`.
+    pub(crate) fn listen(source: &str) -> Vec<Listen> {
+        vec![Listen {
+            source: source.to_owned(),
+            channels: channels(),
+        }]
+    }
+
+    impl Body {
+        pub(crate) fn build(b: &Build<'_>) -> Result<Self, BuildError> {
+            Ok(Self(b.quantity(state::POSITION)?))
+        }
     }
 }

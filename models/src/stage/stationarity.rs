@@ -9,131 +9,16 @@
 //! Mind       a false alarm during a GNSS outage costs far more than a missed rest: ask for
 //!            several tests in a row, and for little mean acceleration
 
-use super::still::{StillSpec, StillTest};
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
-use crate::units::{Positive, dim};
-use crate::vocabulary::{channel, state};
-use fusion_core::math;
-use fusion_core::memory;
+use super::still::StillTest;
 use fusion_core::runner::{Emitter, Stage, Tested};
 use fusion_core::state::{Attitude, Quantity, Vector, Velocity, View};
-use fusion_core::time::{Time, nanos};
+use fusion_core::time::Time;
+use fusion_core::{math, memory};
 use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
-/// Emits rows while the vehicle stands still, judged by the IMU and, where declared, by GNSS.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct StationaritySpec {
-    /// The IMU stream.
-    source: String,
-    /// Rows per second while still.
-    rate: Positive<dim::Frequency>,
-    /// How often the test is made.
-    #[serde(default = "ten_hertz")]
-    test_rate: Positive<dim::Frequency>,
-    /// How many tests in a row must pass.
-    #[serde(default = "once")]
-    persist: u32,
-    /// Limits of the rest test.
-    still: StillSpec,
-    /// Largest horizontal part of the mean specific force, minus its bias, in the navigation frame.
-    max_mean_acceleration: Option<Positive<dim::Acceleration>>,
-    /// A second test: the speed that GNSS reports.
-    gnss: Option<GnssWitness>,
-    /// At rest only while the estimated speed is below this; with `gnss`, used only while there is
-    /// no recent reported speed.
-    max_speed: Option<Positive<dim::Speed>>,
-}
-
-fn ten_hertz() -> Positive<dim::Frequency> {
-    Positive::try_from_si(10.0).unwrap_or_else(|_| unreachable!("ten is positive"))
-}
-
-const fn once() -> u32 {
-    1
-}
-
-/// GNSS as a witness of stillness.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct GnssWitness {
-    /// A stream with a `velocity` channel.
-    source: String,
-    /// At rest only below this speed.
-    max_speed: Positive<dim::Speed>,
-    /// A reported speed older than this is ignored.
-    max_age: Positive<dim::Duration>,
-}
-
-crate::register!(
-    Stage,
-    "stationarity",
-    StationaritySpec,
-    r#"
-source = "imu"
-rate = "1 Hz"
-test_rate = "10 Hz"
-persist = 5
-max_mean_acceleration = "0.2 m/s^2"
-max_speed = "3 m/s"
-still = { window = "1 s", accel_std = "0.2 m/s^2", gyro_std = ["1 deg/s", "1 deg/s", "0.2 deg/s"], mean_rate = "1 deg/s" }
-gnss = { source = "gnss", max_speed = "0.3 m/s", max_age = "2 s" }
-"#
-);
-
-#[typetag::deserialize(name = "stationarity")]
-impl StageSpec for StationaritySpec {
-    fn inputs(&self) -> Vec<Listen> {
-        let mut inputs = vec![Listen {
-            source: self.source.clone(),
-            channels: imu_channels(),
-        }];
-        if let Some(gnss) = &self.gnss {
-            let velocity = channel::VELOCITY;
-            inputs.push(Listen {
-                source: gnss.source.clone(),
-                channels: vec![velocity],
-            });
-        }
-        inputs
-    }
-
-    fn output(&self) -> Vec<Channel> {
-        imu_channels()
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        let mut filter_speed = None;
-        if let Some(max) = self.max_speed {
-            filter_speed = Some((b.quantity(state::VELOCITY)?, max.si()));
-        }
-        let mut lift = None;
-        if let Some(max) = self.max_mean_acceleration {
-            lift = Some((b.quantity(state::ATTITUDE)?, b.quantity(state::ACCEL_BIAS).ok(), max.si()));
-        }
-        Ok(Box::new(Stationarity {
-            test: StillTest::new(&self.still),
-            gyro_bias: b.quantity(state::GYRO_BIAS).ok(),
-            lift,
-            filter_speed,
-            witness: self.gnss.as_ref().map(|g| (g.max_speed.si(), g.max_age.si())),
-            persist: self.persist,
-            test_period: nanos(1.0 / self.test_rate.si()),
-            period: nanos(1.0 / self.rate.si()),
-            reported: None,
-            passed: 0,
-            counts: [0; 3],
-            rows: 0,
-            next_test: Time::MIN,
-            next_row: Time::MIN,
-        }))
-    }
-}
-
+/// The runtime stage.
 #[derive(Clone, Debug)]
-struct Stationarity {
+pub struct Stationarity {
     test: StillTest,
     gyro_bias: Option<Quantity<Vector<3>>>,
     /// Attitude, accelerometer bias, largest horizontal mean acceleration.
@@ -227,5 +112,130 @@ impl Stage for Stationarity {
         self.rows += 1;
         let [w, f] = self.test.means();
         out.emit(time, &[w.x, w.y, w.z, f.x, f.y, f.z]);
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
+    use crate::stage::still::StillSpec;
+    use crate::units::{Positive, dim};
+    use crate::vocabulary::{channel, state};
+    use fusion_core::time::nanos;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Emits rows while the vehicle stands still, judged by the IMU and, where declared, by GNSS.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct StationaritySpec {
+        /// The IMU stream.
+        source: String,
+        /// Rows per second while still.
+        rate: Positive<dim::Frequency>,
+        /// How often the test is made.
+        #[serde(default = "ten_hertz")]
+        test_rate: Positive<dim::Frequency>,
+        /// How many tests in a row must pass.
+        #[serde(default = "once")]
+        persist: u32,
+        /// Limits of the rest test.
+        still: StillSpec,
+        /// Largest horizontal part of the mean specific force, minus its bias, in the navigation frame.
+        max_mean_acceleration: Option<Positive<dim::Acceleration>>,
+        /// A second test: the speed that GNSS reports.
+        gnss: Option<GnssWitness>,
+        /// At rest only while the estimated speed is below this; with `gnss`, used only while there is
+        /// no recent reported speed.
+        max_speed: Option<Positive<dim::Speed>>,
+    }
+
+    fn ten_hertz() -> Positive<dim::Frequency> {
+        Positive::try_from_si(10.0).unwrap_or_else(|_| unreachable!("ten is positive"))
+    }
+
+    const fn once() -> u32 {
+        1
+    }
+
+    /// GNSS as a witness of stillness.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    struct GnssWitness {
+        /// A stream with a `velocity` channel.
+        source: String,
+        /// At rest only below this speed.
+        max_speed: Positive<dim::Speed>,
+        /// A reported speed older than this is ignored.
+        max_age: Positive<dim::Duration>,
+    }
+
+    crate::register!(
+        Stage,
+        "stationarity",
+        StationaritySpec,
+        r#"
+source = "imu"
+rate = "1 Hz"
+test_rate = "10 Hz"
+persist = 5
+max_mean_acceleration = "0.2 m/s^2"
+max_speed = "3 m/s"
+still = { window = "1 s", accel_std = "0.2 m/s^2", gyro_std = ["1 deg/s", "1 deg/s", "0.2 deg/s"], mean_rate = "1 deg/s" }
+gnss = { source = "gnss", max_speed = "0.3 m/s", max_age = "2 s" }
+"#
+    );
+
+    #[typetag::deserialize(name = "stationarity")]
+    impl StageSpec for StationaritySpec {
+        fn inputs(&self) -> Vec<Listen> {
+            let mut inputs = vec![Listen {
+                source: self.source.clone(),
+                channels: imu_channels(),
+            }];
+            if let Some(gnss) = &self.gnss {
+                let velocity = channel::VELOCITY;
+                inputs.push(Listen {
+                    source: gnss.source.clone(),
+                    channels: vec![velocity],
+                });
+            }
+            inputs
+        }
+
+        fn output(&self) -> Vec<Channel> {
+            imu_channels()
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+            let mut filter_speed = None;
+            if let Some(max) = self.max_speed {
+                filter_speed = Some((b.quantity(state::VELOCITY)?, max.si()));
+            }
+            let mut lift = None;
+            if let Some(max) = self.max_mean_acceleration {
+                lift = Some((b.quantity(state::ATTITUDE)?, b.quantity(state::ACCEL_BIAS).ok(), max.si()));
+            }
+            Ok(Box::new(Stationarity {
+                test: StillTest::new(&self.still),
+                gyro_bias: b.quantity(state::GYRO_BIAS).ok(),
+                lift,
+                filter_speed,
+                witness: self.gnss.as_ref().map(|g| (g.max_speed.si(), g.max_age.si())),
+                persist: self.persist,
+                test_period: nanos(1.0 / self.test_rate.si()),
+                period: nanos(1.0 / self.rate.si()),
+                reported: None,
+                passed: 0,
+                counts: [0; 3],
+                rows: 0,
+                next_test: Time::MIN,
+                next_row: Time::MIN,
+            }))
+        }
     }
 }

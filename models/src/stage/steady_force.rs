@@ -8,19 +8,12 @@
 //!            catches what shaking the average lets through
 //! Valid      accelerations that average out over τ, gyros that do not drift over it
 
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
-use crate::earth::LocalEarth;
-use crate::units::{Positive, STANDARD_GRAVITY, dim};
-use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
-use fusion_core::math;
-use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Vector, View};
-use fusion_core::time::{Time, nanos};
+use fusion_core::time::Time;
+use fusion_core::{math, memory};
 use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// The specific force, low-pass filtered over `time_constant` \[s\] in axes that do not rotate: `filtered`
 /// and `f_b` in body axes, before and after a turn of `w_nb_b` \[rad/s\] for `dt` \[s\].
@@ -31,65 +24,9 @@ pub fn low_passed(filtered: &Vector3<f64>, f_b: &Vector3<f64>, w_nb_b: &Vector3<
     carried + (f_b - carried) * (1.0 - math::exp(-dt / time_constant))
 }
 
-/// The specific force, low-pass filtered in axes that do not rotate: a vertical for a body that
-/// accelerates.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SteadyForceSpec {
-    /// The IMU stream.
-    source: String,
-    /// Time constant: longer than the accelerations last, shorter than the gyros drift.
-    time_constant: Positive<dim::Duration>,
-    /// Rows per second at most; a row per sample where absent.
-    rate: Option<Positive<dim::Frequency>>,
-    /// Rows are left out where |f̄| differs from g by more than this share of g; without it none.
-    band: Option<Positive<dim::Ratio>>,
-    /// g for `band`; by default that of the origin, or standard gravity.
-    gravity: Option<Positive<dim::Acceleration>>,
-}
-
-crate::register!(
-    Stage,
-    "steady_force",
-    SteadyForceSpec,
-    r#"
-source = "imu"
-time_constant = "1.5 s"
-rate = "10 Hz"
-band = "5 %"
-gravity = "9.81 m/s^2"
-"#
-);
-
-#[typetag::deserialize(name = "steady_force")]
-impl StageSpec for SteadyForceSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        vec![Listen {
-            source: self.source.clone(),
-            channels: imu_channels(),
-        }]
-    }
-
-    fn output(&self) -> Vec<Channel> {
-        vec![channel::SPECIFIC_FORCE]
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        let at_origin = b.origin.map_or(STANDARD_GRAVITY, |o| LocalEarth::at(&o).gravity(b.gravity));
-        Ok(Box::new(SteadyForce {
-            gyro_bias: b.quantity(state::GYRO_BIAS).ok(),
-            time_constant: self.time_constant.si(),
-            period: self.rate.map_or(0, |rate| nanos(1.0 / rate.si())),
-            band: self.band.map_or(f64::INFINITY, |band| band.si()),
-            gravity: self.gravity.map_or(at_origin, |g| g.si()),
-            last: None,
-            next: Time::MIN,
-        }))
-    }
-}
-
+/// The runtime stage.
 #[derive(Clone, Debug)]
-struct SteadyForce {
+pub struct SteadyForce {
     gyro_bias: Option<Quantity<Vector<3>>>,
     time_constant: f64,
     period: i64,
@@ -117,6 +54,78 @@ impl Stage for SteadyForce {
         if time >= self.next && off <= self.band {
             self.next = time.shifted(self.period);
             out.emit(time, steady.as_slice());
+        }
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
+    use crate::earth::LocalEarth;
+    use crate::units::{Positive, STANDARD_GRAVITY, dim};
+    use crate::vocabulary::{channel, state};
+    use fusion_core::time::nanos;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// The specific force, low-pass filtered in axes that do not rotate: a vertical for a body that
+    /// accelerates.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct SteadyForceSpec {
+        /// The IMU stream.
+        source: String,
+        /// Time constant: longer than the accelerations last, shorter than the gyros drift.
+        time_constant: Positive<dim::Duration>,
+        /// Rows per second at most; a row per sample where absent.
+        rate: Option<Positive<dim::Frequency>>,
+        /// Rows are left out where |f̄| differs from g by more than this share of g; without it none.
+        band: Option<Positive<dim::Ratio>>,
+        /// g for `band`; by default that of the origin, or standard gravity.
+        gravity: Option<Positive<dim::Acceleration>>,
+    }
+
+    crate::register!(
+        Stage,
+        "steady_force",
+        SteadyForceSpec,
+        r#"
+source = "imu"
+time_constant = "1.5 s"
+rate = "10 Hz"
+band = "5 %"
+gravity = "9.81 m/s^2"
+"#
+    );
+
+    #[typetag::deserialize(name = "steady_force")]
+    impl StageSpec for SteadyForceSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            vec![Listen {
+                source: self.source.clone(),
+                channels: imu_channels(),
+            }]
+        }
+
+        fn output(&self) -> Vec<Channel> {
+            vec![channel::SPECIFIC_FORCE]
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+            let at_origin = b.origin.map_or(STANDARD_GRAVITY, |o| LocalEarth::at(&o).gravity(b.gravity));
+            Ok(Box::new(SteadyForce {
+                gyro_bias: b.quantity(state::GYRO_BIAS).ok(),
+                time_constant: self.time_constant.si(),
+                period: self.rate.map_or(0, |rate| nanos(1.0 / rate.si())),
+                band: self.band.map_or(f64::INFINITY, |band| band.si()),
+                gravity: self.gravity.map_or(at_origin, |g| g.si()),
+                last: None,
+                next: Time::MIN,
+            }))
         }
     }
 }

@@ -5,37 +5,11 @@
 //! more than others, so each bound is per axis.
 //! Source: Skog et al. 2010 (variance detectors), with the mean-rate test for slow turns.
 
-use crate::units::{Axes, Positive, dim, range};
+use alloc::collections::VecDeque;
+use alloc::string::String;
+use alloc::vec::Vec;
 use fusion_core::math;
 use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
-use std::collections::VecDeque;
-
-/// Bounds of the stillness test.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct StillSpec {
-    /// Length of the causal window.
-    #[serde(default = "one_second")]
-    pub window: Positive<dim::Duration>,
-    /// Largest standard deviation of specific force over the window, per axis.
-    pub accel_std: Axes<dim::Acceleration, range::Positive>,
-    /// Largest standard deviation of angular rate over the window, per axis.
-    pub gyro_std: Axes<dim::AngularRate, range::Positive>,
-    /// Largest mean rate minus the bias over the window, per axis.
-    #[serde(default = "fast")]
-    pub mean_rate: Axes<dim::AngularRate, range::Positive>,
-}
-
-fn one_second() -> Positive<dim::Duration> {
-    Positive::try_from_si(1.0).unwrap_or_else(|_| unreachable!("one is positive"))
-}
-
-fn fast() -> Axes<dim::AngularRate, range::Positive> {
-    // Without declared bounds: so wide that they never decide.
-    [Positive::try_from_si(1e3).unwrap_or_else(|_| unreachable!("it is positive")); 3].into()
-}
 
 /// A sliding window of rate and force with its sums.
 #[derive(Clone, Debug)]
@@ -54,22 +28,6 @@ pub struct StillTest {
 fusion_core::memory!(StillTest { samples, sum, squares, origin, nearest; window, accel_std, gyro_std, mean_rate });
 
 impl StillTest {
-    /// A test with the declared bounds.
-    #[must_use]
-    pub fn new(spec: &StillSpec) -> Self {
-        Self {
-            window: spec.window.si(),
-            accel_std: spec.accel_std.si().into(),
-            gyro_std: spec.gyro_std.si().into(),
-            mean_rate: spec.mean_rate.si().into(),
-            samples: VecDeque::new(),
-            sum: [Vector3::zeros(); 2],
-            squares: [Vector3::zeros(); 2],
-            origin: None,
-            nearest: None,
-        }
-    }
-
     /// Adds a sample: time \[s\], angular rate \[rad/s\], specific force \[m/s²\].
     pub fn push(&mut self, time: f64, w: Vector3<f64>, f: Vector3<f64>) {
         // NaN would stay in the sums forever: the window starts again after it.
@@ -183,6 +141,60 @@ impl StillTest {
 fn two_digits(value: f64) -> String {
     let decimals = (1.0 - math::floor(math::log10(value.abs()))).clamp(0.0, 9.0);
     format!("{value:.*}", decimals as usize)
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::units::{Axes, Positive, dim, range};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Bounds of the stillness test.
+    #[derive(Clone, Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct StillSpec {
+        /// Length of the causal window.
+        #[serde(default = "one_second")]
+        pub window: Positive<dim::Duration>,
+        /// Largest standard deviation of specific force over the window, per axis.
+        pub accel_std: Axes<dim::Acceleration, range::Positive>,
+        /// Largest standard deviation of angular rate over the window, per axis.
+        pub gyro_std: Axes<dim::AngularRate, range::Positive>,
+        /// Largest mean rate minus the bias over the window, per axis.
+        #[serde(default = "fast")]
+        pub mean_rate: Axes<dim::AngularRate, range::Positive>,
+    }
+
+    fn one_second() -> Positive<dim::Duration> {
+        Positive::try_from_si(1.0).unwrap_or_else(|_| unreachable!("one is positive"))
+    }
+
+    fn fast() -> Axes<dim::AngularRate, range::Positive> {
+        // Without declared bounds: so wide that they never decide.
+        [Positive::try_from_si(1e3).unwrap_or_else(|_| unreachable!("it is positive")); 3].into()
+    }
+
+    impl StillTest {
+        /// A test with the declared bounds.
+        #[must_use]
+        pub fn new(spec: &StillSpec) -> Self {
+            Self {
+                window: spec.window.si(),
+                accel_std: spec.accel_std.si().into(),
+                gyro_std: spec.gyro_std.si().into(),
+                mean_rate: spec.mean_rate.si().into(),
+                samples: VecDeque::new(),
+                sum: [Vector3::zeros(); 2],
+                squares: [Vector3::zeros(); 2],
+                origin: None,
+                nearest: None,
+            }
+        }
+    }
 }
 
 #[cfg(test)]

@@ -6,83 +6,17 @@
 //! Not here   estimated parameters: the sensor `track_odometry` has gauge, centre and slip as parameters
 //! Source     Martínez et al. 2005, Approximating kinematics for tracked mobile robots
 
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
-use crate::units::{Positive, Quantity, dim};
-use crate::vocabulary::channel;
 use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
-/// Computes the velocity of the body from the speeds of its two tracks, for sensors that take velocities.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TrackVelocitySpec {
-    /// The stream with the speeds `left` and `right`.
-    source: String,
-    /// Slip of both tracks: the share of their speed that is lost.
-    #[serde(default)]
-    slip: Quantity<dim::Ratio>,
-    /// Distance between the centres of rotation of the two tracks; needed if `centre` is not 0.
-    gauge: Option<Positive<dim::Length>>,
-    /// The middle between these centres, to the right of the body origin.
-    #[serde(default)]
-    centre: Quantity<dim::Length>,
-}
-
-crate::register!(
-    Stage,
-    "track_velocity",
-    TrackVelocitySpec,
-    r#"
-source = "track_speeds"
-slip = "4 %"
-gauge = "4.15 m"
-centre = "5 cm"
-"#
-);
-
-#[typetag::deserialize(name = "track_velocity")]
-impl StageSpec for TrackVelocitySpec {
-    fn inputs(&self) -> Vec<Listen> {
-        vec![Listen {
-            source: self.source.clone(),
-            channels: vec![channel::LEFT_TRACK, channel::RIGHT_TRACK],
-        }]
-    }
-
-    fn output(&self) -> Vec<Channel> {
-        vec![channel::BODY_VELOCITY]
-    }
-
-    fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        let (slip, centre) = (self.slip.si(), self.centre.si());
-        if slip >= 1.0 {
-            return Err(BuildError::at(
-                "slip",
-                "the slip must be less than 1: with 1 the tracks turn and the vehicle stands",
-            )
-            .help("write the share of speed that is lost, e.g. \"5 %\""));
-        }
-        let aside = match self.gauge {
-            Some(gauge) => centre / gauge.si(),
-            None if centre == 0.0 => 0.0,
-            None => return Err(BuildError::at("centre", "a centre aside needs `gauge`")),
-        };
-        Ok(Box::new(TrackVelocity {
-            shares: [(1.0 - slip) * (0.5 + aside), (1.0 - slip) * (0.5 - aside)],
-        }))
-    }
-}
-
+/// The runtime stage.
 #[derive(Clone, Debug)]
-struct TrackVelocity {
+pub struct TrackVelocity {
     /// The shares of the left and the right track in the speed ahead.
     shares: [f64; 2],
 }
-
 memory!(TrackVelocity { ; shares });
 
 impl Stage for TrackVelocity {
@@ -94,9 +28,85 @@ impl Stage for TrackVelocity {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::units::{Positive, Quantity, dim};
+    use crate::vocabulary::channel;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Computes the velocity of the body from the speeds of its two tracks, for sensors that take velocities.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct TrackVelocitySpec {
+        /// The stream with the speeds `left` and `right`.
+        source: String,
+        /// Slip of both tracks: the share of their speed that is lost.
+        #[serde(default)]
+        slip: Quantity<dim::Ratio>,
+        /// Distance between the centres of rotation of the two tracks; needed if `centre` is not 0.
+        gauge: Option<Positive<dim::Length>>,
+        /// The middle between these centres, to the right of the body origin.
+        #[serde(default)]
+        centre: Quantity<dim::Length>,
+    }
+
+    crate::register!(
+        Stage,
+        "track_velocity",
+        TrackVelocitySpec,
+        r#"
+source = "track_speeds"
+slip = "4 %"
+gauge = "4.15 m"
+centre = "5 cm"
+"#
+    );
+
+    #[typetag::deserialize(name = "track_velocity")]
+    impl StageSpec for TrackVelocitySpec {
+        fn inputs(&self) -> Vec<Listen> {
+            vec![Listen {
+                source: self.source.clone(),
+                channels: vec![channel::LEFT_TRACK, channel::RIGHT_TRACK],
+            }]
+        }
+
+        fn output(&self) -> Vec<Channel> {
+            vec![channel::BODY_VELOCITY]
+        }
+
+        fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+            let (slip, centre) = (self.slip.si(), self.centre.si());
+            if slip >= 1.0 {
+                return Err(BuildError::at(
+                    "slip",
+                    "the slip must be less than 1: with 1 the tracks turn and the vehicle stands",
+                )
+                .help("write the share of speed that is lost, e.g. \"5 %\""));
+            }
+            let aside = match self.gauge {
+                Some(gauge) => centre / gauge.si(),
+                None if centre == 0.0 => 0.0,
+                None => return Err(BuildError::at("centre", "a centre aside needs `gauge`")),
+            };
+            Ok(Box::new(TrackVelocity {
+                shares: [(1.0 - slip) * (0.5 + aside), (1.0 - slip) * (0.5 - aside)],
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::StageSpec;
+    use crate::block::{Build, BuildError};
     use crate::earth::Gravity;
     use fusion_core::state::LayoutBuilder;
 

@@ -14,161 +14,23 @@
 //! Not here   refraction; the lever arm of the transponder, which the sensor of the position has
 //! Source     geometry as in any USBL; covariance by first-order propagation
 
-use crate::block::{Build, BuildError, Channel, LONGEST_DELAY, Listen, StageSpec};
-use crate::units::{Axes, NonNegative, Positive, Vec3Of, dim, range};
-use crate::vocabulary::channel;
+use alloc::collections::VecDeque;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::math;
-use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Manifold, View};
 use fusion_core::time::{Time, nanos};
+use fusion_core::{math, memory};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
-use std::collections::VecDeque;
-
-/// Computes positions of a transponder from range, bearing and depression, measured by a transceiver under a ship.
-/// Position and attitude of the ship are interpolated at the time of validity.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct UsblFixSpec {
-    /// The stream with `range`, `bearing` and `depression`.
-    source: String,
-    /// The stream with the `position` of the ship's antenna.
-    ship_position: String,
-    /// The stream with the `attitude` of the ship.
-    ship_attitude: String,
-    /// The antenna in the axes of the ship.
-    antenna: Vec3Of<dim::Length>,
-    /// The transceiver in the axes of the ship.
-    transceiver: Vec3Of<dim::Length>,
-    /// Roll, pitch, yaw of the transceiver's axes in the ship: x_ship = C(mounting) x_transceiver.
-    mounting: Option<Vec3Of<dim::Angle>>,
-    /// 1σ of the range.
-    range_sigma: Positive<dim::Length>,
-    /// 1σ of bearing and depression.
-    angle_sigma: Axes<dim::Angle, range::Positive, 2>,
-    /// 1σ of the antenna's position, north, east, down.
-    #[serde(default)]
-    position_sigma: Option<Axes<dim::Length, range::NonNegative>>,
-    /// 1σ of the ship's attitude about its axes.
-    #[serde(default)]
-    attitude_sigma: Option<Axes<dim::Angle, range::NonNegative>>,
-    /// From the reception of the sound to the stamp of the row.
-    #[serde(default)]
-    delay: NonNegative<dim::Duration>,
-    /// Speed of sound, if stamps are those of reception: a fix is then valid earlier, by the travel time of the sound
-    /// over the range. Without it the travel time is zero.
-    sound_speed: Option<Positive<dim::Speed>>,
-    /// The longest range that is used, if the sound takes time; 1 km by default.
-    longest_range: Option<Positive<dim::Length>>,
-    /// The longest time between two rows of the ship for interpolation; 1 s by default.
-    longest_gap: Option<Positive<dim::Duration>>,
-}
-
-crate::register!(
-    Stage,
-    "usbl_fix",
-    UsblFixSpec,
-    r#"
-source = "transceiver"
-ship_position = "ship_gps"
-ship_attitude = "ship_attitude"
-antenna = ["-3 m", "1 m", "-8 m"]
-transceiver = ["4 m", "-2 m", "3 m"]
-mounting = [0, 0, "45 deg"]
-range_sigma = "10 cm"
-angle_sigma = "0.5 deg"
-position_sigma = "10 cm"
-attitude_sigma = ["0.1 deg", "0.1 deg", "0.3 deg"]
-delay = "0.4 s"
-sound_speed = "1500 m/s"
-longest_range = "150 m"
-"#
-);
 
 /// The inputs by number.
 const TRANSCEIVER: usize = 0;
+
 const SHIP_POSITION: usize = 1;
-
-impl UsblFixSpec {
-    fn longest_range(&self) -> f64 {
-        self.longest_range.map_or(1000.0, |r| r.si())
-    }
-
-    fn longest_gap(&self) -> f64 {
-        self.longest_gap.map_or(1.0, |t| t.si())
-    }
-
-    /// The longest time from validity to stamp \[s\].
-    fn latest(&self) -> f64 {
-        self.delay.si() + self.sound_speed.map_or(0.0, |c| self.longest_range() / c.si())
-    }
-}
-
-#[typetag::deserialize(name = "usbl_fix")]
-impl StageSpec for UsblFixSpec {
-    fn inputs(&self) -> Vec<Listen> {
-        let listen = |source: &str, channels: &[Channel]| Listen {
-            source: source.to_owned(),
-            channels: channels.to_vec(),
-        };
-        vec![
-            listen(&self.source, &[channel::RANGE, channel::BEARING, channel::DEPRESSION]),
-            listen(&self.ship_position, &[channel::POSITION]),
-            listen(&self.ship_attitude, &[channel::ATTITUDE]),
-        ]
-    }
-
-    fn ahead(&self) -> Vec<f64> {
-        let ship = self.latest() + self.longest_gap();
-        vec![self.latest(), ship, ship]
-    }
-
-    fn output(&self) -> Vec<Channel> {
-        let sigma = Channel::vector("position_sigma", 3, channel::RANGE.dimension);
-        let range = Channel::vector("slant_range", 1, channel::RANGE.dimension);
-        vec![channel::POSITION, sigma, range]
-    }
-
-    fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        let (latest, gap) = (self.latest(), self.longest_gap());
-        if latest + gap > LONGEST_DELAY {
-            let message = format!("rows would be held back for {} s", latest + gap);
-            return Err(BuildError::at("delay", message).help("are `delay`, `longest_range` and `sound_speed` right?"));
-        }
-        let [roll, pitch, yaw] = self.mounting.map_or([0.0; 3], Vec3Of::si);
-        let [bearing, depression] = self.angle_sigma.si();
-        let squares = |sigma: [f64; 3]| Vector3::from(sigma).map(|s| s * s);
-        Ok(Box::new(UsblFix {
-            geometry: Geometry {
-                arm: Vector3::from(self.transceiver.si()) - Vector3::from(self.antenna.si()),
-                c_us: so3::from_rpy(roll, pitch, yaw),
-                acoustic: squares([self.range_sigma.si(), bearing, depression]),
-                antenna: squares(self.position_sigma.map_or([0.0; 3], Axes::si)),
-                attitude: squares(self.attitude_sigma.map_or([0.0; 3], Axes::si)),
-            },
-            delay: self.delay.si(),
-            slowness: self.sound_speed.map_or(0.0, |c| 1.0 / c.si()),
-            longest_range: if self.sound_speed.is_some() {
-                self.longest_range()
-            } else {
-                f64::INFINITY
-            },
-            latest: nanos(latest),
-            gap: nanos(gap),
-            positions: VecDeque::new(),
-            attitudes: VecDeque::new(),
-            last: Time::MIN,
-        }))
-    }
-}
 
 /// The places of antenna and transceiver in the ship, and the variances of the measurements.
 #[derive(Clone, Debug)]
-struct Geometry {
+pub struct Geometry {
     /// From the antenna to the transceiver in the ship \[m\].
     arm: Vector3<f64>,
     /// Transceiver to ship.
@@ -197,8 +59,9 @@ impl Geometry {
     }
 }
 
+/// The runtime stage.
 #[derive(Clone, Debug)]
-struct UsblFix {
+pub struct UsblFix {
     geometry: Geometry,
     delay: f64,
     /// One over the speed of sound \[s/m\].
@@ -213,7 +76,6 @@ struct UsblFix {
     /// Time of validity of the latest fix.
     last: Time,
 }
-
 memory!(UsblFix { positions, attitudes, last; geometry, delay, slowness, longest_range, latest, gap });
 
 /// The values on both sides of `time`, and the share of the interval before `time`. `None` if they are more than `gap`
@@ -275,9 +137,157 @@ impl Stage for UsblFix {
     }
 }
 
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, LONGEST_DELAY, Listen, StageSpec};
+    use crate::units::{Axes, NonNegative, Positive, Vec3Of, dim, range};
+    use crate::vocabulary::channel;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Computes positions of a transponder from range, bearing and depression, measured by a transceiver under a ship.
+    /// Position and attitude of the ship are interpolated at the time of validity.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct UsblFixSpec {
+        /// The stream with `range`, `bearing` and `depression`.
+        source: String,
+        /// The stream with the `position` of the ship's antenna.
+        ship_position: String,
+        /// The stream with the `attitude` of the ship.
+        ship_attitude: String,
+        /// The antenna in the axes of the ship.
+        antenna: Vec3Of<dim::Length>,
+        /// The transceiver in the axes of the ship.
+        transceiver: Vec3Of<dim::Length>,
+        /// Roll, pitch, yaw of the transceiver's axes in the ship: x_ship = C(mounting) x_transceiver.
+        mounting: Option<Vec3Of<dim::Angle>>,
+        /// 1σ of the range.
+        range_sigma: Positive<dim::Length>,
+        /// 1σ of bearing and depression.
+        angle_sigma: Axes<dim::Angle, range::Positive, 2>,
+        /// 1σ of the antenna's position, north, east, down.
+        #[serde(default)]
+        position_sigma: Option<Axes<dim::Length, range::NonNegative>>,
+        /// 1σ of the ship's attitude about its axes.
+        #[serde(default)]
+        attitude_sigma: Option<Axes<dim::Angle, range::NonNegative>>,
+        /// From the reception of the sound to the stamp of the row.
+        #[serde(default)]
+        delay: NonNegative<dim::Duration>,
+        /// Speed of sound, if stamps are those of reception: a fix is then valid earlier, by the travel time of the sound
+        /// over the range. Without it the travel time is zero.
+        sound_speed: Option<Positive<dim::Speed>>,
+        /// The longest range that is used, if the sound takes time; 1 km by default.
+        longest_range: Option<Positive<dim::Length>>,
+        /// The longest time between two rows of the ship for interpolation; 1 s by default.
+        longest_gap: Option<Positive<dim::Duration>>,
+    }
+
+    crate::register!(
+        Stage,
+        "usbl_fix",
+        UsblFixSpec,
+        r#"
+source = "transceiver"
+ship_position = "ship_gps"
+ship_attitude = "ship_attitude"
+antenna = ["-3 m", "1 m", "-8 m"]
+transceiver = ["4 m", "-2 m", "3 m"]
+mounting = [0, 0, "45 deg"]
+range_sigma = "10 cm"
+angle_sigma = "0.5 deg"
+position_sigma = "10 cm"
+attitude_sigma = ["0.1 deg", "0.1 deg", "0.3 deg"]
+delay = "0.4 s"
+sound_speed = "1500 m/s"
+longest_range = "150 m"
+"#
+    );
+
+    impl UsblFixSpec {
+        fn longest_range(&self) -> f64 {
+            self.longest_range.map_or(1000.0, |r| r.si())
+        }
+
+        fn longest_gap(&self) -> f64 {
+            self.longest_gap.map_or(1.0, |t| t.si())
+        }
+
+        /// The longest time from validity to stamp \[s\].
+        fn latest(&self) -> f64 {
+            self.delay.si() + self.sound_speed.map_or(0.0, |c| self.longest_range() / c.si())
+        }
+    }
+
+    #[typetag::deserialize(name = "usbl_fix")]
+    impl StageSpec for UsblFixSpec {
+        fn inputs(&self) -> Vec<Listen> {
+            let listen = |source: &str, channels: &[Channel]| Listen {
+                source: source.to_owned(),
+                channels: channels.to_vec(),
+            };
+            vec![
+                listen(&self.source, &[channel::RANGE, channel::BEARING, channel::DEPRESSION]),
+                listen(&self.ship_position, &[channel::POSITION]),
+                listen(&self.ship_attitude, &[channel::ATTITUDE]),
+            ]
+        }
+
+        fn ahead(&self) -> Vec<f64> {
+            let ship = self.latest() + self.longest_gap();
+            vec![self.latest(), ship, ship]
+        }
+
+        fn output(&self) -> Vec<Channel> {
+            let sigma = Channel::vector("position_sigma", 3, channel::RANGE.dimension);
+            let range = Channel::vector("slant_range", 1, channel::RANGE.dimension);
+            vec![channel::POSITION, sigma, range]
+        }
+
+        fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+            let (latest, gap) = (self.latest(), self.longest_gap());
+            if latest + gap > LONGEST_DELAY {
+                let message = format!("rows would be held back for {} s", latest + gap);
+                return Err(BuildError::at("delay", message).help("are `delay`, `longest_range` and `sound_speed` right?"));
+            }
+            let [roll, pitch, yaw] = self.mounting.map_or([0.0; 3], Vec3Of::si);
+            let [bearing, depression] = self.angle_sigma.si();
+            let squares = |sigma: [f64; 3]| Vector3::from(sigma).map(|s| s * s);
+            Ok(Box::new(UsblFix {
+                geometry: Geometry {
+                    arm: Vector3::from(self.transceiver.si()) - Vector3::from(self.antenna.si()),
+                    c_us: so3::from_rpy(roll, pitch, yaw),
+                    acoustic: squares([self.range_sigma.si(), bearing, depression]),
+                    antenna: squares(self.position_sigma.map_or([0.0; 3], Axes::si)),
+                    attitude: squares(self.attitude_sigma.map_or([0.0; 3], Axes::si)),
+                },
+                delay: self.delay.si(),
+                slowness: self.sound_speed.map_or(0.0, |c| 1.0 / c.si()),
+                longest_range: if self.sound_speed.is_some() {
+                    self.longest_range()
+                } else {
+                    f64::INFINITY
+                },
+                latest: nanos(latest),
+                gap: nanos(gap),
+                positions: VecDeque::new(),
+                attitudes: VecDeque::new(),
+                last: Time::MIN,
+            }))
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::block::Build;
+    use crate::block::StageSpec;
     use crate::earth::Gravity;
     use fusion_core::state::LayoutBuilder;
 

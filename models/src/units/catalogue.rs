@@ -3,9 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use super::dimension::Dimension;
-
-/// Standard gravity g₀ \[m/s²\], exact by definition (CGPM 1901).
-pub const STANDARD_GRAVITY: f64 = 9.80665;
+use crate::earth::STANDARD_GRAVITY;
 
 /// One unit: symbol, SI factor, dimension, whether it takes prefixes, spellings that lead to this unit as a suggestion.
 struct Unit {

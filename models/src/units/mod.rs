@@ -20,6 +20,8 @@
 //! Three ways to read them: [`Quantity`] if the type fixes the dimension, [`AnyQuantity`] if the dimension is
 //! known only when the block is built, [`parse_unit`] for the heading of a data column.
 
+#![cfg(feature = "declare")]
+
 mod any;
 mod catalogue;
 mod dimension;
@@ -30,8 +32,9 @@ mod place;
 mod quantity;
 mod written;
 
+pub use crate::earth::STANDARD_GRAVITY;
 pub use any::AnyQuantity;
-pub use catalogue::{STANDARD_GRAVITY, by_letter};
+pub use catalogue::by_letter;
 pub use dimension::{Dimension, QuantityKind};
 pub use error::UnitError;
 pub use expression::{parse, parse_unit};

@@ -26,12 +26,14 @@ use fusion_core::linear::Transition;
 use fusion_core::model::Order;
 use fusion_core::state::{Attitude, Slot, Tangent, Velocity};
 use nalgebra::{Matrix3, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// How Φ and Q of a step are computed.
-#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "declare",
+    derive(serde::Deserialize, schemars::JsonSchema),
+    serde(rename_all = "snake_case")
+)]
 pub enum Discretisation {
     /// Φ = I + FΔt. For the attitude block alone, the exact turn of the body, Exp(−ωΔt): I − \[ωΔt ×\] would enlarge
     /// every attitude error by ½|ωΔt|² in each step.

@@ -12,35 +12,38 @@
 //!            the unknown motion in it
 //! Source     spec of the mechanisation: Savage 1998; Titterton and Weston 2004, ch. 12
 
-pub(crate) mod discrete;
+pub mod discrete;
 pub mod error_model;
 pub mod increments;
 pub mod mechanisation;
 pub mod pairing;
 
 use super::inertial::{Corrected, IMU, Inertial};
-use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
 use crate::earth::Gravity;
-use crate::process::agility::{Agility, AgilitySpec};
-use crate::process::kinematic::{self, Kinematic};
-use crate::units::{Axes, dim, range};
-use crate::vocabulary::state;
+use crate::process::agility::Agility;
+use crate::process::kinematic::Kinematic;
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 use error_model::Linear;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Gap, Input, Order, Preparation, Process, SignalsOut};
 use fusion_core::state::{Signal, Vector};
 use mechanisation::Start;
 use nalgebra::Vector3;
-use pairing::Mode;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
-pub use super::inertial::{AccelerometerSpec, GyroSpec, LONGEST_STEP};
+pub use super::inertial::LONGEST_STEP;
+#[cfg(feature = "declare")]
+pub use super::inertial::{AccelerometerSpec, GyroSpec};
+
 pub use discrete::Discretisation;
 
 /// How an input sample becomes a step of the navigation state.
-#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "declare",
+    derive(serde::Deserialize, schemars::JsonSchema),
+    serde(rename_all = "snake_case")
+)]
 pub enum Integrator {
     /// Coning and sculling corrected with the sample before: no added delay.
     #[default]
@@ -51,108 +54,9 @@ pub enum Integrator {
     FirstOrder,
 }
 
-/// Which formula gives the magnitude of gravity.
-#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
-#[serde(rename_all = "snake_case")]
-pub enum GravitySpec {
-    /// WGS-84 normal gravity with height (Somigliana): the default.
-    #[default]
-    Somigliana,
-    /// The series of Titterton and Weston 2004.
-    TittertonWeston,
-    /// The series of Noureldin et al. 2013.
-    Noureldin,
-}
-
-impl From<GravitySpec> for Gravity {
-    fn from(spec: GravitySpec) -> Self {
-        match spec {
-            GravitySpec::Somigliana => Self::Somigliana,
-            GravitySpec::TittertonWeston => Self::TittertonWeston,
-            GravitySpec::Noureldin => Self::Noureldin,
-        }
-    }
-}
-
-/// Strapdown inertial navigation on the ellipsoid: states position, velocity, attitude and, where
-/// declared, biases and scale factors; driven by the channels `angular_rate` and
-/// `specific_force` of its source.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct StrapdownSpec {
-    /// The gyros: noise, bias, scale.
-    gyro: GyroSpec,
-    /// The accelerometers: noise, bias, scale.
-    accelerometer: AccelerometerSpec,
-    /// How samples are integrated.
-    #[serde(default)]
-    integrator: Integrator,
-    /// How Φ and Q of a step are computed; `exact` is not for the integrator `first_order`.
-    #[serde(default)]
-    discretisation: Discretisation,
-    /// Random walk of the position, north east down, in addition to the effect of the sensors' noise: 0, unless a
-    /// published Q has one.
-    #[serde(default)]
-    position_noise: Axes<dim::PositionRandomWalk, range::NonNegative>,
-    /// The gravity model.
-    #[serde(default)]
-    gravity: GravitySpec,
-    /// How fast the vehicle can change its motion, for gaps and spikes of the samples.
-    #[serde(default)]
-    agility: AgilitySpec,
-}
-
-crate::register!(
-    Process,
-    "strapdown",
-    StrapdownSpec,
-    r#"
-integrator = "one_sample"
-position_noise = "1 mm/sqrt(s)"
-discretisation = "second_order"
-gravity = "somigliana"
-agility = { acceleration = ["3 m/s^2", "2 m/s^2", "1 m/s^2"], angular_rate = ["5 deg/s", "5 deg/s", "30 deg/s"], time = "1 s", tilt = "10 deg" }
-gyro = { noise = "0.2 deg/sqrt(h)", bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.1 deg/s", random_walk = "1e-5 rad/s/sqrt(s)" }, scale = { estimate = true, initial = [0, 0.02, 0], sigma = "1 %" }, scale_noise = "0.2 %/sqrt(Hz)" }
-accelerometer = { noise = "70 ug/sqrt(Hz)", bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }, scale = { estimate = true, initial = [0, 0, 0.01], sigma = "1 %" }, vibration = "1 s" }
-"#
-);
-
-#[typetag::deserialize(name = "strapdown")]
-impl ProcessSpec for StrapdownSpec {
-    fn input(&self) -> Vec<Channel> {
-        imu_channels()
-    }
-
-    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
-        let correction = match self.integrator {
-            Integrator::FirstOrder => None,
-            Integrator::OneSample => Some(Mode::Previous),
-            Integrator::TwoSample => Some(Mode::Pairs),
-        };
-        if correction.is_none() && self.discretisation == Discretisation::Exact {
-            let message = "`exact` is the derivative of a step that integrates the turn of the body, which `first_order` does not";
-            let help = "choose `integrator = \"one_sample\"`, or `discretisation = \"first_order\"`";
-            return Err(BuildError::at("discretisation", message).help(help));
-        }
-        let gravity = self.gravity.into();
-        b.gravity = gravity;
-        Ok(Box::new(Strapdown {
-            kinematic: Kinematic::declare(b)?,
-            inertial: Inertial::declare(b, &self.gyro, &self.accelerometer, correction)?,
-            acceleration: b.signal(state::ACCELERATION)?,
-            integrator: self.integrator,
-            discretisation: self.discretisation,
-            position_psd: kinematic::psd(self.position_noise.si()).diagonal(),
-            gravity,
-            agility: (&self.agility).into(),
-            changes: Agility::from(&self.agility).changes(),
-        }))
-    }
-}
-
 /// The runtime model.
 #[derive(Debug)]
-struct Strapdown {
+pub struct Strapdown {
     kinematic: Kinematic,
     inertial: Inertial,
     acceleration: Signal<Vector<3>>,
@@ -282,6 +186,121 @@ impl Strapdown {
         };
         slots.write(&phi, out);
         self.inertial.write_transition(corrected, &[phi.by_force, phi.by_rate], slots, out);
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
+    use crate::process::agility::AgilitySpec;
+    use crate::process::kinematic;
+    use crate::units::{Axes, dim, range};
+    use crate::vocabulary::state;
+    use pairing::Mode;
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Which formula gives the magnitude of gravity.
+    #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
+    #[serde(rename_all = "snake_case")]
+    pub enum GravitySpec {
+        /// WGS-84 normal gravity with height (Somigliana): the default.
+        #[default]
+        Somigliana,
+        /// The series of Titterton and Weston 2004.
+        TittertonWeston,
+        /// The series of Noureldin et al. 2013.
+        Noureldin,
+    }
+
+    impl From<GravitySpec> for Gravity {
+        fn from(spec: GravitySpec) -> Self {
+            match spec {
+                GravitySpec::Somigliana => Self::Somigliana,
+                GravitySpec::TittertonWeston => Self::TittertonWeston,
+                GravitySpec::Noureldin => Self::Noureldin,
+            }
+        }
+    }
+
+    /// Strapdown inertial navigation on the ellipsoid: states position, velocity, attitude and, where
+    /// declared, biases and scale factors; driven by the channels `angular_rate` and
+    /// `specific_force` of its source.
+    #[derive(Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct StrapdownSpec {
+        /// The gyros: noise, bias, scale.
+        gyro: GyroSpec,
+        /// The accelerometers: noise, bias, scale.
+        accelerometer: AccelerometerSpec,
+        /// How samples are integrated.
+        #[serde(default)]
+        integrator: Integrator,
+        /// How Φ and Q of a step are computed; `exact` is not for the integrator `first_order`.
+        #[serde(default)]
+        discretisation: Discretisation,
+        /// Random walk of the position, north east down, in addition to the effect of the sensors' noise: 0, unless a
+        /// published Q has one.
+        #[serde(default)]
+        position_noise: Axes<dim::PositionRandomWalk, range::NonNegative>,
+        /// The gravity model.
+        #[serde(default)]
+        gravity: GravitySpec,
+        /// How fast the vehicle can change its motion, for gaps and spikes of the samples.
+        #[serde(default)]
+        agility: AgilitySpec,
+    }
+
+    crate::register!(
+        Process,
+        "strapdown",
+        StrapdownSpec,
+        r#"
+integrator = "one_sample"
+position_noise = "1 mm/sqrt(s)"
+discretisation = "second_order"
+gravity = "somigliana"
+agility = { acceleration = ["3 m/s^2", "2 m/s^2", "1 m/s^2"], angular_rate = ["5 deg/s", "5 deg/s", "30 deg/s"], time = "1 s", tilt = "10 deg" }
+gyro = { noise = "0.2 deg/sqrt(h)", bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.1 deg/s", random_walk = "1e-5 rad/s/sqrt(s)" }, scale = { estimate = true, initial = [0, 0.02, 0], sigma = "1 %" }, scale_noise = "0.2 %/sqrt(Hz)" }
+accelerometer = { noise = "70 ug/sqrt(Hz)", bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }, scale = { estimate = true, initial = [0, 0, 0.01], sigma = "1 %" }, vibration = "1 s" }
+"#
+    );
+
+    #[typetag::deserialize(name = "strapdown")]
+    impl ProcessSpec for StrapdownSpec {
+        fn input(&self) -> Vec<Channel> {
+            imu_channels()
+        }
+
+        fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+            let correction = match self.integrator {
+                Integrator::FirstOrder => None,
+                Integrator::OneSample => Some(Mode::Previous),
+                Integrator::TwoSample => Some(Mode::Pairs),
+            };
+            if correction.is_none() && self.discretisation == Discretisation::Exact {
+                let message = "`exact` is the derivative of a step that integrates the turn of the body, which `first_order` does not";
+                let help = "choose `integrator = \"one_sample\"`, or `discretisation = \"first_order\"`";
+                return Err(BuildError::at("discretisation", message).help(help));
+            }
+            let gravity = self.gravity.into();
+            b.gravity = gravity;
+            Ok(Box::new(Strapdown {
+                kinematic: Kinematic::declare(b)?,
+                inertial: Inertial::declare(b, &self.gyro, &self.accelerometer, correction)?,
+                acceleration: b.signal(state::ACCELERATION)?,
+                integrator: self.integrator,
+                discretisation: self.discretisation,
+                position_psd: kinematic::psd(self.position_noise.si()).diagonal(),
+                gravity,
+                agility: (&self.agility).into(),
+                changes: Agility::from(&self.agility).changes(),
+            }))
+        }
     }
 }
 

@@ -7,6 +7,7 @@
 //!            *pairs*: samples 1 and 2 are each other's neighbours, then 3 and 4, and so on. The first
 //!            of a pair waits for the second. A last sample without partner gets the sample before
 
+use alloc::vec::Vec;
 use fusion_core::memory;
 use fusion_core::model::{Input, Preparation, Prepared};
 

@@ -1,4 +1,6 @@
 use super::*;
+use crate::block::Build;
+use crate::block::ProcessSpec;
 use fusion_core::geometry::so3;
 use fusion_core::model::Prepared;
 use fusion_core::state::{Layout, LayoutBuilder};

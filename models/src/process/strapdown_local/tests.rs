@@ -1,4 +1,6 @@
 use super::*;
+use crate::block::{Build, ProcessSpec};
+use crate::earth::Gravity;
 use crate::process::strapdown::StrapdownSpec;
 use fusion_core::state::{Attitude, Block, Kind, Layout, LayoutBuilder, Manifold, Velocity};
 use fusion_core::testing::Lcg;

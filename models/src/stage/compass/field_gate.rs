@@ -8,89 +8,13 @@
 //!            edge of a disturbance, and if the body turns in it, wrong fields sometimes look right
 
 use super::field::Field;
-use crate::units::{self, NonNegative, Positive, Quantity, dim};
-use fusion_core::math;
-use fusion_core::memory;
 use fusion_core::time::Time;
+use fusion_core::{math, memory};
 use nalgebra::Vector2;
-use schemars::JsonSchema;
-use serde::Deserialize;
-
-/// Rejects the headings of a field that is not the Earth's: with another size or dip.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct FieldGateSpec {
-    /// False accepts every field.
-    pub(crate) enabled: bool,
-    /// The undisturbed field; by default it is learnt at the start.
-    field: Option<FieldSpec>,
-    /// Largest difference of |m| from the reference, as a share of it.
-    magnitude: Positive<dim::Ratio>,
-    /// Largest difference of the dip from the reference.
-    dip: Positive<dim::Angle>,
-    /// Time constant over which the field is smoothed before it is judged.
-    smooth_over: NonNegative<dim::Duration>,
-    /// How long the field must have been within the bounds before headings are used again.
-    hold_off: NonNegative<dim::Duration>,
-    /// A different field that has been steady for this long becomes the new reference.
-    adopt_after: Positive<dim::Duration>,
-    /// How long the undisturbed field is averaged at the start to learn it.
-    learn_for: Positive<dim::Duration>,
-}
-
-/// An undisturbed field.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct FieldSpec {
-    /// |m|.
-    magnitude: Positive<dim::MagneticField>,
-    /// Angle below the horizon.
-    dip: units::Angle,
-}
-
-impl Default for FieldGateSpec {
-    fn default() -> Self {
-        fn positive<D: units::Dimensional>(value: f64) -> Positive<D> {
-            Quantity::try_from_si(value).unwrap_or_else(|_| unreachable!("{value} is positive"))
-        }
-        Self {
-            enabled: true,
-            field: None,
-            magnitude: positive(0.05),
-            dip: positive(3_f64.to_radians()),
-            smooth_over: NonNegative::default(),
-            hold_off: NonNegative::default(),
-            adopt_after: positive(60.0),
-            learn_for: positive(1.0),
-        }
-    }
-}
-
-impl FieldGateSpec {
-    pub(crate) fn build(&self) -> FieldGate {
-        FieldGate {
-            enabled: self.enabled,
-            magnitude: self.magnitude.si(),
-            dip: self.dip.si(),
-            smooth_over: self.smooth_over.si(),
-            hold_off: self.hold_off.si(),
-            adopt_after: self.adopt_after.si(),
-            learn_for: self.learn_for.si(),
-            reference: self.field.map(|f| Shape {
-                magnitude: f.magnitude.si(),
-                dip: f.dip.si(),
-            }),
-            learning: None,
-            smooth: None,
-            other: None,
-            wrong_at: None,
-        }
-    }
-}
 
 /// The properties of a field that do not change with a turn about the vertical.
 #[derive(Clone, Copy, Debug, Default)]
-struct Shape {
+pub struct Shape {
     magnitude: f64,
     dip: f64,
 }
@@ -195,6 +119,89 @@ impl FieldGate {
         };
         self.smooth = Some((smooth, time));
         smooth
+    }
+}
+
+#[cfg(feature = "declare")]
+pub use spec::*;
+
+#[cfg(feature = "declare")]
+mod spec {
+    use super::*;
+    use crate::units::{self, NonNegative, Positive, Quantity, dim};
+    use schemars::JsonSchema;
+    use serde::Deserialize;
+
+    /// Rejects the headings of a field that is not the Earth's: with another size or dip.
+    #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct FieldGateSpec {
+        /// False accepts every field.
+        pub(crate) enabled: bool,
+        /// The undisturbed field; by default it is learnt at the start.
+        field: Option<FieldSpec>,
+        /// Largest difference of |m| from the reference, as a share of it.
+        magnitude: Positive<dim::Ratio>,
+        /// Largest difference of the dip from the reference.
+        dip: Positive<dim::Angle>,
+        /// Time constant over which the field is smoothed before it is judged.
+        smooth_over: NonNegative<dim::Duration>,
+        /// How long the field must have been within the bounds before headings are used again.
+        hold_off: NonNegative<dim::Duration>,
+        /// A different field that has been steady for this long becomes the new reference.
+        adopt_after: Positive<dim::Duration>,
+        /// How long the undisturbed field is averaged at the start to learn it.
+        learn_for: Positive<dim::Duration>,
+    }
+
+    /// An undisturbed field.
+    #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    struct FieldSpec {
+        /// |m|.
+        magnitude: Positive<dim::MagneticField>,
+        /// Angle below the horizon.
+        dip: units::Angle,
+    }
+
+    impl Default for FieldGateSpec {
+        fn default() -> Self {
+            fn positive<D: units::Dimensional>(value: f64) -> Positive<D> {
+                Quantity::try_from_si(value).unwrap_or_else(|_| unreachable!("{value} is positive"))
+            }
+            Self {
+                enabled: true,
+                field: None,
+                magnitude: positive(0.05),
+                dip: positive(3_f64.to_radians()),
+                smooth_over: NonNegative::default(),
+                hold_off: NonNegative::default(),
+                adopt_after: positive(60.0),
+                learn_for: positive(1.0),
+            }
+        }
+    }
+
+    impl FieldGateSpec {
+        pub(crate) fn build(&self) -> FieldGate {
+            FieldGate {
+                enabled: self.enabled,
+                magnitude: self.magnitude.si(),
+                dip: self.dip.si(),
+                smooth_over: self.smooth_over.si(),
+                hold_off: self.hold_off.si(),
+                adopt_after: self.adopt_after.si(),
+                learn_for: self.learn_for.si(),
+                reference: self.field.map(|f| Shape {
+                    magnitude: f.magnitude.si(),
+                    dip: f.dip.si(),
+                }),
+                learning: None,
+                smooth: None,
+                other: None,
+                wrong_at: None,
+            }
+        }
     }
 }
 
