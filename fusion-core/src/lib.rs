@@ -157,6 +157,8 @@
 
 #[cfg_attr(not(feature = "std"), macro_use)]
 extern crate alloc;
+// The derive names this crate.
+extern crate self as fusion_core;
 
 pub mod belief;
 pub mod chart;

@@ -18,6 +18,7 @@
 
 use crate::consistency::chi_square_quantile;
 use crate::math;
+use crate::model::Literal;
 use core::fmt::Debug;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -25,24 +26,32 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 pub trait Loss: Debug + Send + Sync {
     /// Weight in (0, 1] for a whitened residual of that norm and dimension.
     fn weight(&self, norm: f64, dim: usize) -> f64;
+
+    /// The loss as a Rust expression, by [`literal!`](crate::literal!); `None` if it cannot write itself.
+    fn literal(&self) -> Option<&dyn Literal> {
+        None
+    }
 }
 
 /// w = 1: least squares.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Literal)]
 pub struct Quadratic;
 
 impl Loss for Quadratic {
     fn weight(&self, _: f64, _: usize) -> f64 {
         1.0
     }
+
+    crate::literal!();
 }
 
 /// Rows for which the constants are computed beforehand.
 const USUAL_ROWS: usize = 8;
 
 /// A constant for residuals of any number of rows.
-#[derive(Clone, Copy, Debug)]
-struct Constant {
+#[derive(Clone, Copy, Debug, Literal)]
+#[doc(hidden)]
+pub struct Constant {
     of_one_row: f64,
     /// By rows less one.
     of_rows: [f64; USUAL_ROWS],
@@ -73,7 +82,7 @@ fn norm_of_rows(k: f64, rows: usize) -> f64 {
 }
 
 /// Huber: w = min(1, k/|r|). Source: Huber 1964; k = 1.345 gives 95 % efficiency of one row.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Literal)]
 pub struct Huber(Constant);
 
 impl Huber {
@@ -89,10 +98,12 @@ impl Loss for Huber {
         let k = self.0.of(dim);
         if norm <= k { 1.0 } else { k / norm }
     }
+
+    crate::literal!();
 }
 
 /// Cauchy: w = 1/(1 + (|r|/c)²); c = 2.385 gives 95 % efficiency of one row.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Literal)]
 pub struct Cauchy(Constant);
 
 impl Cauchy {
@@ -107,11 +118,13 @@ impl Loss for Cauchy {
     fn weight(&self, norm: f64, dim: usize) -> f64 {
         1.0 / (1.0 + math::powi(norm / self.0.of(dim), 2))
     }
+
+    crate::literal!();
 }
 
 /// Student-t with ν degrees of freedom: w = (ν + m)/(ν + |r|²), at most 1.
 /// Source: the E-step of Lange, Little, Taylor 1989.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Literal)]
 pub struct StudentT {
     /// Degrees of freedom; about 4 for moderate tails.
     pub nu: f64,
@@ -121,6 +134,8 @@ impl Loss for StudentT {
     fn weight(&self, norm: f64, dim: usize) -> f64 {
         ((self.nu + dim as f64) / (self.nu + norm * norm)).min(1.0)
     }
+
+    crate::literal!();
 }
 
 #[cfg(test)]

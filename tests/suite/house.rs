@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// The crates in order of dependency, as ARCHITECTURE.md draws them: folder, package, and the packages that it may use.
-const CRATES: [(&str, &str, &[&str]); 12] = [
+const CRATES: [(&str, &str, &[&str]); 13] = [
     ("kernels", "fusion-kernels", &[]),
-    ("fusion-core", "fusion-core", &["fusion-kernels"]),
+    ("derive", "fusion-derive", &[]),
+    ("fusion-core", "fusion-core", &["fusion-derive", "fusion-kernels"]),
     ("models", "fusion-models", &["fusion-core"]),
     ("fusion", "fusion", &["fusion-core", "fusion-models"]),
     ("tables", "fusion-tables", &["fusion", "fusion-core"]),

@@ -3,6 +3,9 @@
 use super::{Answer, Gate, GateInput, Nis, Odds, Recovery};
 use crate::covariance::cholesky;
 use crate::math;
+use crate::model::Literal;
+use crate::model::literal::call;
+use alloc::string::String;
 use alloc::vec::Vec;
 use core::f64::consts::PI;
 
@@ -14,7 +17,8 @@ use core::f64::consts::PI;
 /// their noise and `wander`. Good measurements between them do not end a track: the sensor may receive two vehicles
 /// in turn. After Reid, *An algorithm for tracking multiple targets*, IEEE TAC 24
 /// (1979), with a track of false measurements in place of independent clutter.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Literal, PartialEq)]
+#[literal(at = "fusion_core::gate")]
 pub struct FalseTracks {
     /// The probability that a measurement is false after a good one, in (0, 1).
     pub rate: f64,
@@ -123,9 +127,15 @@ impl Hypotheses {
     /// A gate before its first measurement. `probability` and `recovery` belong to the gate's own NIS test.
     #[must_use]
     pub fn new(tracks: FalseTracks, probability: f64, recovery: Recovery) -> Self {
+        Self::from_literal(tracks, Nis::new(probability, recovery))
+    }
+
+    #[doc(hidden)]
+    #[must_use]
+    pub fn from_literal(tracks: FalseTracks, alone: Nis) -> Self {
         Self {
             tracks,
-            alone: Nis::new(probability, recovery),
+            alone,
             track: Track::default(),
             is_false: false,
             at_hand: AtHand::default(),
@@ -256,6 +266,13 @@ pub(crate) fn log_sum(a: f64, b: f64) -> f64 {
     more + math::ln_1p(math::exp(less - more))
 }
 
+impl Literal for Hypotheses {
+    /// Before its first measurement.
+    fn expression(&self, out: &mut String) {
+        call(out, "::fusion_core::gate::Hypotheses::from_literal", &[&self.tracks, &self.alone]);
+    }
+}
+
 impl Gate for Hypotheses {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
         let m = input.residual.len();
@@ -295,6 +312,8 @@ impl Gate for Hypotheses {
             lost: math::ln(lost) + is_good - m as f64 * math::ln(2.0 * self.tracks.reach),
         })
     }
+
+    crate::literal!();
 }
 
 #[cfg(test)]

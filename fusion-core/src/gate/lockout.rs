@@ -2,7 +2,10 @@
 
 use super::{Decision, GateInput, Mode};
 use crate::math;
+use crate::model::Literal;
+use crate::model::literal::call;
 use crate::time::Time;
+use alloc::string::String;
 use smallvec::SmallVec;
 
 /// Residuals that must agree before a denied sensor is re-acquired.
@@ -22,7 +25,8 @@ const SPANS: f64 = 6.0;
 const BEND: f64 = 0.25;
 
 /// When a gate denies its sensor, and when it re-acquires it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Literal)]
+#[literal(at = "fusion_core::gate")]
 pub struct Recovery {
     /// Consecutive rejections after which the sensor counts as denied.
     pub deny_after: u32,
@@ -90,6 +94,13 @@ crate::memory!(Lockout {
     mode, rejected, passed, since, last, intervals, resumed, reacquiring, witnesses, times, count, first;
     recovery
 });
+
+impl Literal for Lockout {
+    /// Before its first measurement.
+    fn expression(&self, out: &mut String) {
+        call(out, "::fusion_core::gate::Lockout::new", &[&self.recovery]);
+    }
+}
 
 impl Lockout {
     /// A gate memory in TRACK.

@@ -18,6 +18,7 @@ pub use only_with::OnlyWith;
 pub use two_condition::{Ellipse, Magnitude, TwoCondition, TwoConditions};
 
 use crate::memory::{Memory, Tape};
+use crate::model::Literal;
 use crate::time::Time;
 use core::fmt::Debug;
 
@@ -137,10 +138,15 @@ pub trait Gate: Memory + Debug + Send {
     fn leader(&self) -> Option<usize> {
         None
     }
+
+    /// The gate as a Rust expression, by [`literal!`](crate::literal!); `None` if it cannot write itself.
+    fn literal(&self) -> Option<&dyn Literal> {
+        None
+    }
 }
 
 /// Accepts everything and still reports the NIS.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Literal)]
 pub struct Open;
 crate::memory!(Open {});
 
@@ -157,4 +163,6 @@ impl Gate for Open {
     fn power(&self, _: &GateInput<'_>, smallest: &mut [f64]) {
         smallest.fill(f64::INFINITY);
     }
+
+    crate::literal!();
 }

@@ -3,10 +3,12 @@
 use super::{Answer, Gate, GateInput, Lockout, Recovery};
 use crate::consistency::chi_square_quantile;
 use crate::math;
+use crate::model::Literal;
 use alloc::vec::Vec;
 
 /// Normalised innovation squared against a χ² quantile.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
+#[literal(at = "fusion_core::gate")]
 pub struct Nis {
     probability: f64,
     /// By the number of rows; extended when a residual with more rows arrives.
@@ -61,6 +63,8 @@ impl Gate for Nis {
             *smallest = math::sqrt(threshold / unit);
         }
     }
+
+    crate::literal!();
 }
 
 #[cfg(test)]

@@ -1,7 +1,10 @@
 //! A measurement is used only with that of another sensor.
 
 use super::{Answer, Decision, Gate, GateInput, Odds, Outcome};
+use crate::model::Literal;
+use crate::model::literal::{Boxed, call};
 use alloc::boxed::Box;
+use alloc::string::String;
 
 /// Rejects a measurement where the latest one of another sensor was not used; otherwise the
 /// sensor's own gate judges it.
@@ -40,6 +43,19 @@ impl OnlyWith {
     }
 }
 
+impl Literal for OnlyWith {
+    /// Before its first measurement.
+    fn expression(&self, out: &mut String) {
+        if let Some(own) = self.own.literal() {
+            call(
+                out,
+                "::fusion_core::gate::OnlyWith::new",
+                &[&self.leader, &self.memory, &Boxed(own)],
+            );
+        }
+    }
+}
+
 impl Gate for OnlyWith {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
         let refused = self.refused(input);
@@ -72,4 +88,6 @@ impl Gate for OnlyWith {
     fn leader(&self) -> Option<usize> {
         Some(self.leader)
     }
+
+    crate::literal!(own);
 }

@@ -14,11 +14,13 @@
 use super::{Answer, Decision, Gate, GateInput, Lockout, Recovery};
 use crate::consistency::chi_square_quantile;
 use crate::math;
+use crate::model::Literal;
 use crate::time::Time;
 use core::f64::consts::SQRT_2;
 
 /// How C1 measures a residual against the estimate.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, Literal, PartialEq)]
+#[literal(at = "fusion_core::gate")]
 pub enum Ellipse {
     /// Against the covariance of the estimate, HPHᵀ.
     #[default]
@@ -30,7 +32,8 @@ pub enum Ellipse {
 }
 
 /// How C2 decides that a fix is far away.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, Literal, PartialEq)]
+#[literal(at = "fusion_core::gate")]
 pub enum Magnitude {
     /// By the distance from the estimate.
     #[default]
@@ -54,7 +57,8 @@ pub enum Magnitude {
 }
 
 /// The parameters of the two conditions.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Literal)]
+#[literal(at = "fusion_core::gate")]
 pub struct TwoConditions {
     /// C1: the probability of the ellipse.
     pub probability: f64,
@@ -87,7 +91,8 @@ impl Default for TwoConditions {
 }
 
 /// The test, with the memory that prevents a lockout.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
+#[literal(at = "fusion_core::gate")]
 pub struct TwoCondition {
     conditions: TwoConditions,
     /// Quantiles of two and of one degree of freedom.
@@ -301,6 +306,8 @@ impl Gate for TwoCondition {
             smallest[2] = self.smallest(inside, self.vertical_limit(input), input);
         }
     }
+
+    crate::literal!();
 }
 
 #[cfg(test)]

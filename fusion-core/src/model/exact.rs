@@ -5,6 +5,7 @@
 //! numbers then carry the derivative along one tangent direction of these quantities at a time.
 
 use super::dual::{Dual, Real};
+use super::literal::Literal;
 use super::measurement::{Measurement, Size, Undefined};
 use crate::geometry::wgs84;
 use crate::linear::Jacobian;
@@ -25,6 +26,11 @@ pub trait ExactModel: Debug + Send + Sync {
     /// # Errors
     /// [`Undefined`] where h has no value or derivative.
     fn h<D: Real>(&self, x: &ExactView<'_, D>, z: &mut [D]) -> Result<(), Undefined>;
+
+    /// The model as a Rust expression, by [`literal!`](crate::literal!); `None` if it cannot write itself.
+    fn literal(&self) -> Option<&dyn Literal> {
+        None
+    }
 }
 
 /// The state in real or dual numbers, perturbed along one tangent direction or none.
@@ -200,6 +206,8 @@ impl<M: ExactModel> Measurement for Exact<M> {
         }
         Ok(())
     }
+
+    crate::literal!(0);
 }
 
 #[cfg(test)]

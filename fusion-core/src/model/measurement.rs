@@ -1,5 +1,6 @@
 //! The measurement model: h(x), written once and used by estimator, simulator and tests.
 
+use super::Literal;
 use crate::linear::Jacobian;
 use crate::state::View;
 use alloc::boxed::Box;
@@ -7,7 +8,8 @@ use core::fmt::Debug;
 use thiserror::Error;
 
 /// The sizes of a measurement.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Literal, PartialEq, Eq)]
+#[literal(at = "fusion_core::model")]
 pub struct Size {
     /// Numbers in a measured value z.
     pub value: usize,
@@ -85,5 +87,10 @@ pub trait Measurement: Debug + Send + Sync {
         for (z, e) in z.iter_mut().zip(e) {
             *z += e;
         }
+    }
+
+    /// The model as a Rust expression, by [`literal!`](crate::literal!); `None` if it cannot write itself.
+    fn literal(&self) -> Option<&dyn Literal> {
+        None
     }
 }

@@ -1,5 +1,6 @@
 //! The process model: how the state moves, and the signals that sensors read from it.
 
+use super::literal::Literal;
 use crate::covariance::Covariance;
 use crate::linear::{Jacobian, Transition};
 use crate::memory::Memory;
@@ -249,6 +250,11 @@ pub trait Process: Debug + Send + Sync {
     /// Writes the signals at `x`, and their Jacobians where `out` wants them.
     fn signals(&self, x: &[f64], input: &Input<'_>, out: &mut SignalsOut<'_>) {
         let _ = (x, input, out);
+    }
+
+    /// The model as a Rust expression, by [`literal!`](crate::literal!); `None` if it cannot write itself.
+    fn literal(&self) -> Option<&dyn Literal> {
+        None
     }
 }
 

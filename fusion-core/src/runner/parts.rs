@@ -7,7 +7,7 @@ use crate::gate::Gate;
 use crate::loss::Loss;
 use crate::math;
 use crate::memory::Memory;
-use crate::model::Measurement;
+use crate::model::{Literal, Measurement};
 use crate::state::{Layout, Quantity, Scalar, View};
 use crate::time::{Time, nanos};
 use alloc::boxed::Box;
@@ -191,6 +191,11 @@ pub trait Stage: Memory + Debug + Send {
     fn finish(&mut self, out: &mut Emitter<'_>) {
         let _ = out;
     }
+
+    /// The stage as a Rust expression, by [`literal!`](crate::literal!); `None` if it cannot write itself.
+    fn literal(&self) -> Option<&dyn Literal> {
+        None
+    }
 }
 
 /// Takes the output of a stage: rows for its stream, events of a filter inside.
@@ -320,6 +325,11 @@ pub trait Initialiser: Memory + Debug + Send {
 
     /// Writes its part of the belief at `time`; earlier initialisers have written theirs.
     fn write(&self, time: Time, layout: &Layout, belief: &mut Belief);
+
+    /// The initialiser as a Rust expression, by [`literal!`](crate::literal!); `None` if it cannot write itself.
+    fn literal(&self) -> Option<&dyn Literal> {
+        None
+    }
 }
 
 /// An initialiser with its ports.

@@ -25,12 +25,18 @@ pub struct Signal<M> {
 macro_rules! handle {
     ($name:ident) => {
         impl<M> $name<M> {
-            pub(crate) fn new(storage: usize, tangent: usize) -> Self {
+            pub(crate) const fn new(storage: usize, tangent: usize) -> Self {
                 Self {
                     storage,
                     tangent,
                     kind: PhantomData,
                 }
+            }
+
+            #[doc(hidden)]
+            #[must_use]
+            pub const fn from_literal(storage: usize, tangent: usize) -> Self {
+                Self::new(storage, tangent)
             }
         }
         impl<M> Clone for $name<M> {

@@ -14,6 +14,7 @@
 
 use core::f64::consts::{FRAC_1_SQRT_2, PI};
 use fusion_core::math;
+use fusion_core::model::Literal;
 
 use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED as E2, FLATTENING, Geodetic, Radii, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS};
 use fusion_core::memory::{Memory, Tape};
@@ -72,7 +73,7 @@ pub fn rotation_en(lat: f64, lon: f64) -> Matrix3<f64> {
 }
 
 /// Cartesian north-east-down axes fixed to the Earth at an origin, tangent there.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Literal, PartialEq)]
 pub struct LocalFrame {
     origin: Geodetic,
     origin_e: Vector3<f64>,

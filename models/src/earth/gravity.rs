@@ -19,13 +19,14 @@ use fusion_core::geometry::wgs84::{
     EARTH_RATE, ECCENTRICITY_SQUARED as E2, FLATTENING, GM, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS, sin_cos_latitude,
 };
 use fusion_core::math;
+use fusion_core::model::Literal;
 use nalgebra::Vector3;
 
 /// Standard gravity g₀ \[m/s²\], exact by definition (CGPM 1901).
 pub const STANDARD_GRAVITY: f64 = 9.80665;
 
 /// Which formula gives the magnitude of gravity.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, Literal, PartialEq)]
 pub enum Gravity {
     /// Normal gravity of the WGS-84 ellipsoid, second order in height.
     #[default]

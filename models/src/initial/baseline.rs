@@ -8,13 +8,15 @@ use alloc::collections::VecDeque;
 use alloc::string::String;
 use fusion_core::belief::Belief;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::literal;
+use fusion_core::model::Literal;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, Manifold};
 use fusion_core::time::Time;
 use fusion_core::{math, memory};
 
 /// The runtime initialiser.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Baseline {
     min_distance: f64,
     max_age: f64,
@@ -49,6 +51,8 @@ impl Initialiser for Baseline {
             write_yaw(layout, belief, yaw, self.sigma);
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

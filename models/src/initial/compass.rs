@@ -7,13 +7,15 @@ use super::write_yaw;
 use alloc::collections::VecDeque;
 use alloc::string::String;
 use fusion_core::belief::Belief;
+use fusion_core::literal;
+use fusion_core::model::Literal;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, wrap};
 use fusion_core::time::Time;
 use fusion_core::{math, memory};
 
 /// The runtime initialiser.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Compass {
     sigma: f64,
     declination: f64,
@@ -59,6 +61,8 @@ impl Initialiser for Compass {
             write_yaw(layout, belief, self.heading(), self.sigma);
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -6,13 +6,15 @@
 use super::write_yaw;
 use alloc::string::String;
 use fusion_core::belief::Belief;
+use fusion_core::literal;
+use fusion_core::model::Literal;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, wrap};
 use fusion_core::time::Time;
 use fusion_core::{math, memory};
 
 /// The runtime initialiser.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Course {
     min_speed: f64,
     sigma: f64,
@@ -52,6 +54,8 @@ impl Initialiser for Course {
             write_yaw(layout, belief, yaw, self.sigma);
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

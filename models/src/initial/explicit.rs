@@ -4,14 +4,16 @@ use super::{write_attitude, write_position, write_velocity, write_yaw};
 use alloc::string::String;
 use fusion_core::belief::Belief;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::literal;
 use fusion_core::memory;
+use fusion_core::model::Literal;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::Layout;
 use fusion_core::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// The runtime initialiser.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Explicit {
     origin: Option<Geodetic>,
     place: Option<(Geodetic, [f64; 3])>,
@@ -42,6 +44,8 @@ impl Initialiser for Explicit {
             write_yaw(layout, belief, yaw, sigma);
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

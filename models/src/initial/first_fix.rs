@@ -22,6 +22,8 @@ use alloc::vec::Vec;
 use fusion_core::belief::Belief;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::literal;
+use fusion_core::model::Literal;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, Manifold};
 use fusion_core::time::Time;
@@ -29,7 +31,7 @@ use fusion_core::{math, memory};
 use nalgebra::Vector3;
 
 /// The runtime initialiser.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct FirstFix {
     origin: Option<Geodetic>,
     position_sigma: [f64; 3],
@@ -45,15 +47,15 @@ pub struct FirstFix {
 }
 
 /// A position and its time.
-#[derive(Clone, Copy, Debug, Default)]
-struct Fix {
+#[derive(Clone, Copy, Debug, Default, Literal)]
+pub struct Fix {
     time: Time,
     place: Geodetic,
 }
 memory!(Fix { time, place });
 
 /// The latest velocity \[m/s\], its time, and the acceleration \[m/s²\] since the one before.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Literal)]
 pub struct Latest {
     time: Time,
     value: Option<Vector3<f64>>,
@@ -160,6 +162,8 @@ impl Initialiser for FirstFix {
             write_velocity(layout, belief, v, self.velocity.sigma(time, sigma).as_slice());
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

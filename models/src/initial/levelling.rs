@@ -17,7 +17,9 @@ use crate::vocabulary::state;
 use alloc::string::String;
 use fusion_core::belief::Belief;
 use fusion_core::geometry::{so3, wgs84};
+use fusion_core::literal;
 use fusion_core::memory::{Memory, Tape};
+use fusion_core::model::Literal;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, Manifold, Vector};
 use fusion_core::time::Time;
@@ -49,7 +51,7 @@ pub fn predicted_heading_sigma(gyro_bias: f64, gyro_noise: f64, accel_bias: f64,
 }
 
 /// The 1σ of the heading by gyrocompassing, and the latitude \[rad\].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Literal)]
 pub struct Compass {
     sigma: f64,
     lat: f64,
@@ -59,7 +61,7 @@ pub struct Compass {
 const PARTS: f64 = 8.0;
 
 /// Sums over one period of rest.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Literal)]
 pub struct Rest {
     since: Option<Time>,
     count: f64,
@@ -79,8 +81,8 @@ impl Rest {
 }
 
 /// Mean and scatter of the mean forces of equal parts of a rest.
-#[derive(Clone, Copy, Debug, Default)]
-struct Parts {
+#[derive(Clone, Copy, Debug, Default, Literal)]
+pub struct Parts {
     /// Sums of the current part.
     count: f64,
     sum: Vector3<f64>,
@@ -122,7 +124,7 @@ impl Parts {
 }
 
 /// The runtime initialiser.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Levelling {
     test: Option<StillTest>,
     duration: f64,
@@ -228,6 +230,8 @@ impl Initialiser for Levelling {
             belief.covariance.set_sigmas(b, sigma);
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -20,12 +20,12 @@
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
 use fusion_core::math;
-use fusion_core::model::Gap;
+use fusion_core::model::{Gap, Literal};
 use fusion_core::state::{Attitude, Slot, Velocity};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// How fast the vehicle can change its motion, in SI and radians.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Literal)]
 pub struct Agility {
     acceleration: Vector3<f64>,
     rate: Vector3<f64>,

@@ -18,12 +18,13 @@ use crate::process::kinematic;
 use alloc::vec::Vec;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
-use fusion_core::model::{Gap, Input, Process, SignalsOut};
+use fusion_core::literal;
+use fusion_core::model::{Gap, Input, Literal, Process, SignalsOut};
 use fusion_core::state::{Attitude, Param, Signal, Slot, Vector};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// How a quaternion is integrated over a sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Literal, PartialEq, Eq)]
 #[cfg_attr(
     feature = "declare",
     derive(serde::Deserialize, schemars::JsonSchema),
@@ -38,7 +39,7 @@ pub enum Integration {
 }
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct AttitudeOnly {
     attitude: Slot<Attitude>,
     gyro_bias: Param<Vector<3>>,
@@ -122,6 +123,8 @@ impl Process for AttitudeOnly {
         out.set(self.angular_rate, &self.rate(x, input));
         out.add_quantity(self.angular_rate, &self.gyro_bias, &-Matrix3::identity());
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

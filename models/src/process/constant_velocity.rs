@@ -11,12 +11,13 @@
 use crate::earth::LocalFrame;
 use crate::earth::frames::rotation_en;
 use fusion_core::linear::Transition;
-use fusion_core::model::{Input, Process, SignalsOut};
+use fusion_core::literal;
+use fusion_core::model::{Input, Literal, Process, SignalsOut};
 use fusion_core::state::{Geodetic, Position, Signal, Slot, Vector, Velocity};
 use nalgebra::{Matrix3, Vector3};
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct ConstantVelocity {
     position: Slot<Position>,
     velocity: Slot<Velocity>,
@@ -59,6 +60,8 @@ impl Process for ConstantVelocity {
             );
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -18,7 +18,8 @@ use super::unicycle::carried;
 use alloc::boxed::Box;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
-use fusion_core::model::{Input, Order, Preparation, Process, SignalsOut};
+use fusion_core::literal;
+use fusion_core::model::{Input, Literal, Order, Preparation, Process, SignalsOut};
 use fusion_core::state::{Attitude, Geodetic, Param, Scalar, Signal, Slot, Vector, Velocity};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
 
@@ -29,7 +30,7 @@ const SAMPLE: usize = 4;
 const LONGEST_STEP: f64 = 0.5;
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct DeadReckoning {
     position: Slot<Geodetic>,
     body_velocity: Slot<Vector<3>>,
@@ -142,6 +143,8 @@ impl Process for DeadReckoning {
             out.add_quantity(self.attitude, &self.heading_offset, &c_nb.row(2).transpose());
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

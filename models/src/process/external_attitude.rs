@@ -28,7 +28,8 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
-use fusion_core::model::{Gap, Input, Preparation, Process, SignalsOut};
+use fusion_core::literal;
+use fusion_core::model::{Gap, Input, Literal, Preparation, Process, SignalsOut};
 use fusion_core::state::{Param, Signal, Vector};
 use nalgebra::{Matrix3, Vector3, Vector4};
 
@@ -47,7 +48,7 @@ fn turning(input: &Input<'_>) -> Option<Vector3<f64>> {
 }
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct ExternalAttitude {
     kinematic: Kinematic,
     accel_bias: Param<Vector<3>>,
@@ -189,6 +190,8 @@ impl Process for ExternalAttitude {
         out.add(self.acceleration, self.kinematic.slots.attitude, &b.va);
         out.add_quantity(self.acceleration, &self.accel_bias, &b.v_accel);
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

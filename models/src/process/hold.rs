@@ -6,10 +6,11 @@
 //!            filter should beat
 
 use fusion_core::linear::Transition;
-use fusion_core::model::{Input, Process};
+use fusion_core::literal;
+use fusion_core::model::{Input, Literal, Process};
 
 /// The runtime model: the block's own dynamics are all there is.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Hold;
 
 impl Process for Hold {
@@ -20,6 +21,8 @@ impl Process for Hold {
     fn propagate(&self, _: &mut [f64], _: &Input<'_>, _: f64) {}
 
     fn linearise(&self, _: &[f64], _: &Input<'_>, _: f64, _: &mut Transition) {}
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -15,7 +15,7 @@ use super::vibration::{self, Vibration};
 use alloc::boxed::Box;
 use fusion_core::linear::Transition;
 use fusion_core::math;
-use fusion_core::model::{Input, Preparation, SignalsOut};
+use fusion_core::model::{Input, Literal, Preparation, SignalsOut};
 use fusion_core::state::{Param, Signal, Tangent, Vector};
 use nalgebra::{Matrix3, Vector3};
 
@@ -27,7 +27,7 @@ pub const LONGEST_STEP: f64 = 0.2;
 pub(super) const IMU: usize = 6;
 
 /// The sensors of the unit, at run time.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Inertial {
     gyro_bias: Param<Vector<3>>,
     accel_bias: Param<Vector<3>>,

@@ -9,12 +9,12 @@ use alloc::vec::Vec;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
-use fusion_core::model::Gap;
+use fusion_core::model::{Gap, Literal};
 use fusion_core::state::{Geodetic, Manifold, Param, Vector};
 use nalgebra::{Matrix3, Vector3};
 
 /// The states `position`, `velocity` and `attitude`, which the process moves over the ellipsoid.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Literal)]
 pub struct Kinematic {
     pub(super) slots: Slots<Geodetic>,
 }

@@ -20,13 +20,14 @@ use crate::earth::LocalFrame;
 use crate::earth::frames::rotation_en;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
+use fusion_core::literal;
 use fusion_core::math;
-use fusion_core::model::{Input, Order, Process, SignalsOut};
+use fusion_core::model::{Input, Literal, Order, Process, SignalsOut};
 use fusion_core::state::{Angle, Attitude, Geodetic, Position, Signal, Slot, Vector, Velocity, wrap};
 use nalgebra::{Matrix1, Matrix2, Matrix3, Vector2, Vector3};
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct PlanarOdometry {
     position: Slot<Position>,
     heading: Slot<Angle>,
@@ -124,6 +125,8 @@ impl Process for PlanarOdometry {
             out.add(self.acceleration, self.heading, &(v * -r).push(0.0));
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

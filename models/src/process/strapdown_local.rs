@@ -28,12 +28,13 @@ use alloc::vec::Vec;
 use fusion_core::geometry::gamma::gamma;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
-use fusion_core::model::{Gap, Input, Order, Preparation, Process, SignalsOut};
+use fusion_core::literal;
+use fusion_core::model::{Gap, Input, Literal, Order, Preparation, Process, SignalsOut};
 use fusion_core::state::{Geodetic, Position, Signal, Vector};
 use nalgebra::{Matrix3, Vector3};
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct StrapdownLocal {
     slots: Slots<Position>,
     inertial: Inertial,
@@ -147,6 +148,8 @@ impl Process for StrapdownLocal {
         out.add(self.acceleration, self.slots.attitude, &(-c_nb * so3::skew(&f.rate)));
         self.inertial.add_by_force(self.acceleration, &c_nb, &f, out);
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

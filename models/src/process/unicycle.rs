@@ -16,8 +16,9 @@
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::{Radii, divisible_cos, radii, radii_derivative};
 use fusion_core::linear::Transition;
+use fusion_core::literal;
 use fusion_core::math;
-use fusion_core::model::{Input, Process, SignalsOut};
+use fusion_core::model::{Input, Literal, Process, SignalsOut};
 use fusion_core::state::{Angle, Attitude, Geodetic, Param, Scalar, Signal, Slot, Vector, Velocity, wrap};
 use nalgebra::{Matrix1, Matrix3, Vector2, Vector3};
 
@@ -79,7 +80,7 @@ pub(super) fn carried(p: &Geodetic, after: &Geodetic, moved: &Vector2<f64>) -> (
 }
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Unicycle {
     position: Slot<Geodetic>,
     heading: Slot<Angle>,
@@ -182,6 +183,8 @@ impl Process for Unicycle {
             out.add_quantity(self.acceleration, &self.side_slip, &(ahead * (u * r * r)));
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -17,12 +17,13 @@
 use core::ops::Range;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Manifold, Param, Quantity, View};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
 
 /// The measured part of an attitude.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Literal, PartialEq, Eq)]
 #[cfg_attr(
     feature = "declare",
     derive(serde::Deserialize, schemars::JsonSchema),
@@ -63,7 +64,7 @@ pub(super) fn unit(z: &[f64]) -> UnitQuaternion<f64> {
 }
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct MeasuredAttitude {
     attitude: Quantity<Attitude>,
     mounting: Param<Attitude>,
@@ -129,6 +130,8 @@ impl Measurement for MeasuredAttitude {
         };
         Attitude::write(&turned, z);
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

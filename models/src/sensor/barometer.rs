@@ -11,8 +11,9 @@
 
 use super::vertical::Vertical;
 use fusion_core::linear::Jacobian;
+use fusion_core::literal;
 use fusion_core::math;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Param, Scalar, View};
 use nalgebra::Matrix1;
 
@@ -41,7 +42,7 @@ fn logarithmic_slope(height: f64) -> f64 {
 }
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Barometer {
     point: Vertical,
     sea_level_pressure: Param<Scalar>,
@@ -78,6 +79,8 @@ impl Measurement for Barometer {
         h.add(0, &self.sea_level_pressure, &Matrix1::new(ratio));
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

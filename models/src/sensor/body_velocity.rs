@@ -19,12 +19,13 @@
 use alloc::vec::Vec;
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Scalar, Tangent, Vector, Velocity, View};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
 /// The runtime model of these sensors.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct BodyVelocity {
     velocity: Quantity<Velocity>,
     attitude: Quantity<Attitude>,
@@ -87,6 +88,8 @@ impl Measurement for BodyVelocity {
         }
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

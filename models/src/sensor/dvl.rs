@@ -16,11 +16,12 @@
 use super::body_velocity::BodyVelocity;
 use alloc::boxed::Box;
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::View;
 
 /// The runtime model: components along directions that may be missing one by one.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Beams(BodyVelocity);
 
 impl Measurement for Beams {
@@ -41,6 +42,8 @@ impl Measurement for Beams {
         beam.directions = vec![*self.0.directions.get(row)?];
         Some(Box::new(beam))
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

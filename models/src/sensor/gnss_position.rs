@@ -11,12 +11,13 @@
 use fusion_core::geometry::so3::{rotation, times_skew};
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Manifold, Param, Quantity, Vector, View};
 use nalgebra::{Matrix3, Vector3};
 
 /// The runtime model: a fix of a point of the body, its first `rows` of north, east, down.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Fix {
     position: Quantity<Geodetic>,
     attitude: Option<Quantity<Attitude>>,
@@ -106,6 +107,8 @@ impl Measurement for Fix {
         d.as_mut_slice()[..self.rows].copy_from_slice(e);
         self.write(&self.place(z).offset(&d), z);
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -11,12 +11,13 @@
 
 use fusion_core::geometry::so3::{rotation, times_skew};
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Vector, Velocity, View};
 use nalgebra::Matrix3;
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct GnssVelocity {
     velocity: Quantity<Velocity>,
     turning: Option<(Quantity<Attitude>, Quantity<Vector<3>>)>,
@@ -56,6 +57,8 @@ impl Measurement for GnssVelocity {
         }
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -11,12 +11,13 @@
 
 use fusion_core::geometry::so3::skew;
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Vector, View};
 use nalgebra::{Matrix3, Vector3};
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct GravityDirection {
     attitude: Quantity<Attitude>,
     bias: Param<Vector<3>>,
@@ -46,6 +47,8 @@ impl Measurement for GravityDirection {
         h.add(0, &self.bias, &Matrix3::identity());
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

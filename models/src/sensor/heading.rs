@@ -15,8 +15,9 @@
 
 use fusion_core::geometry::so3::{GIMBAL_LOCK_C31, rotation};
 use fusion_core::linear::Jacobian;
+use fusion_core::literal;
 use fusion_core::math;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Angle, Attitude, Param, Quantity, Scalar, View, wrap};
 use nalgebra::{Matrix1, Matrix3, RowVector3};
 
@@ -31,7 +32,7 @@ fn yaw(c_nb: &Matrix3<f64>) -> Result<(f64, RowVector3<f64>), Undefined> {
 }
 
 /// Where the heading comes from.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub enum Source {
     /// The yaw of an attitude.
     Attitude(Quantity<Attitude>),
@@ -40,7 +41,7 @@ pub enum Source {
 }
 
 /// Coefficients of sin μ, cos μ, sin 2μ, cos 2μ \[rad\].
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Deviation([Param<Scalar>; 4]);
 
 impl Deviation {
@@ -60,7 +61,7 @@ impl Deviation {
 }
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Heading {
     heading: Source,
     bias: Param<Scalar>,
@@ -114,6 +115,8 @@ impl Measurement for Heading {
     fn perturb(&self, z: &mut [f64], e: &[f64]) {
         z[0] = wrap(z[0] + e[0]);
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -8,12 +8,13 @@
 
 use super::vertical::Vertical;
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Param, Scalar, View};
 use nalgebra::Matrix1;
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Height {
     point: Vertical,
     bias: Param<Scalar>,
@@ -34,6 +35,8 @@ impl Measurement for Height {
         h.add(0, &self.bias, &Matrix1::new(1.0));
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -19,13 +19,14 @@ use crate::earth::frames::{ecef_from_geodetic, rotation_en};
 use alloc::vec::Vec;
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
+use fusion_core::literal;
 use fusion_core::math;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Param, Position, Quantity, Tangent, Vector, View, wrap};
 use nalgebra::{Matrix3, RowVector3, SMatrix, Vector3};
 
 /// The measured quantity of a landmark.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Literal, PartialEq, Eq)]
 #[cfg_attr(
     feature = "declare",
     derive(serde::Deserialize, schemars::JsonSchema),
@@ -40,7 +41,7 @@ pub enum Measures {
 }
 
 /// The position from which the landmarks are seen.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub enum From {
     /// Landmarks are in local axes.
     Plane(Quantity<Position>),
@@ -49,7 +50,7 @@ pub enum From {
 }
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Landmarks {
     /// The places of the landmarks, in the axes of `place` \[m\].
     marks: Vec<Vector3<f64>>,
@@ -162,6 +163,8 @@ impl Measurement for Landmarks {
             *z = if is_angle { wrap(*z + e) } else { *z + e };
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -16,12 +16,13 @@
 use crate::earth::magnetic::EarthField;
 use fusion_core::geometry::so3::skew;
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Scalar, Vector, View};
 use nalgebra::{Matrix3, Vector3};
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Magnetometer {
     attitude: Quantity<Attitude>,
     strength: Param<Scalar>,
@@ -66,6 +67,8 @@ impl Measurement for Magnetometer {
         h.add(0, &self.declination, &along(&by_declination));
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

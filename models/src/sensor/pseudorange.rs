@@ -11,11 +11,12 @@
 //! Source     Groves 2013, eq. 9.141 to 9.146
 
 use super::satellite::{Antenna, given, turn, turned};
-use fusion_core::model::{ExactModel, ExactView, Real, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{ExactModel, ExactView, Literal, Real, Undefined};
 use fusion_core::state::{Param, Scalar};
 
 /// The quantities on which a pseudorange depends.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Pseudorange {
     antenna: Antenna,
     clock: Param<Scalar>,
@@ -33,6 +34,8 @@ impl ExactModel for Pseudorange {
         z[0] = d.dot(&d).sqrt() + x.scalar(&self.clock) + x.scalar(&self.bias);
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

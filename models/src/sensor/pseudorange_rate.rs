@@ -11,12 +11,13 @@
 
 use super::satellite::{Antenna, given, turn, turned};
 use fusion_core::geometry::wgs84::EARTH_RATE;
-use fusion_core::model::{ExactModel, ExactView, Real, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{ExactModel, ExactView, Literal, Real, Undefined};
 use fusion_core::state::{Param, Quantity, Scalar, Vector, Velocity};
 use nalgebra::Vector3;
 
 /// The quantities on which the rate depends.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Rate {
     antenna: Antenna,
     velocity: Quantity<Velocity>,
@@ -54,6 +55,8 @@ impl ExactModel for Rate {
         z[0] = d.dot(&relative) / d.dot(&d).sqrt() + x.scalar(&self.clock);
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

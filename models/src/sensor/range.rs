@@ -7,12 +7,13 @@
 
 use alloc::vec::Vec;
 use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED, SEMI_MAJOR_AXIS};
-use fusion_core::model::{ExactModel, ExactView, Real, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{ExactModel, ExactView, Literal, Real, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Scalar, Vector};
 use nalgebra::Vector3;
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Range {
     /// In Earth-centred axes \[m\].
     beacons_e: Vec<Vector3<f64>>,
@@ -62,6 +63,8 @@ impl ExactModel for Range {
         }
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -10,7 +10,8 @@ use super::range::earth_centred;
 use crate::earth::SPEED_OF_LIGHT;
 use fusion_core::geometry::wgs84::EARTH_RATE;
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Exact, ExactModel, ExactView, Literal, Measurement, Real, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Param, Quantity, Vector, View};
 use nalgebra::Vector3;
 
@@ -18,7 +19,7 @@ use nalgebra::Vector3;
 pub(super) const EXAMPLE: [f64; 6] = [-2.0e7, 1.0e7, 1.4e7, -1500.0, -2000.0, 800.0];
 
 /// The antenna of a receiver.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Antenna {
     position: Quantity<Geodetic>,
     pub(super) attitude: Option<Quantity<Attitude>>,
@@ -63,7 +64,7 @@ pub(super) fn turn<D: Real>(satellite: &Vector3<D>, antenna: &Vector3<D>) -> Res
 }
 
 /// A model of one row whose last `given` numbers are those of a satellite.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct OfSatellite<M> {
     pub(super) model: Exact<M>,
     pub(super) given: usize,
@@ -98,6 +99,8 @@ impl<M: ExactModel> Measurement for OfSatellite<M> {
     fn given(&self) -> &'static [f64] {
         &EXAMPLE[..self.given]
     }
+
+    literal!(model);
 }
 
 #[cfg(feature = "declare")]

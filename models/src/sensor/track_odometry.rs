@@ -10,11 +10,12 @@
 //! Valid      one slip for both tracks; B and c constant, or as slow as their random walk
 //! Source     Martínez et al. 2005, Approximating kinematics for tracked mobile robots
 
-use fusion_core::model::{ExactModel, ExactView, Real, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{ExactModel, ExactView, Literal, Real, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Scalar, Vector, Velocity};
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct TrackOdometry {
     velocity: Quantity<Velocity>,
     attitude: Quantity<Attitude>,
@@ -45,6 +46,8 @@ impl ExactModel for TrackOdometry {
         z[1] = (u - r * (centre + half)) / kept;
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

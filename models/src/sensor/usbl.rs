@@ -15,7 +15,8 @@
 
 use super::range::earth_centred;
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Exact, ExactModel, ExactView, Literal, Measurement, Real, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Param, Quantity, Scalar, Vector, View, wrap};
 use nalgebra::Matrix3;
 
@@ -23,7 +24,7 @@ use nalgebra::Matrix3;
 type Carrier = (Quantity<Geodetic>, Quantity<Attitude>);
 
 /// The quantities on which range and direction depend.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Geometry {
     position: Quantity<Geodetic>,
     attitude: Option<Quantity<Attitude>>,
@@ -66,10 +67,12 @@ impl ExactModel for Geometry {
         z[2] = s.z.atan2(flat.sqrt());
         Ok(())
     }
+
+    literal!();
 }
 
 /// The runtime model: the geometry, and angles that wrap.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Usbl(Exact<Geometry>);
 
 impl Measurement for Usbl {
@@ -96,6 +99,8 @@ impl Measurement for Usbl {
         z[1] = wrap(z[1] + e[1]);
         z[2] = wrap(z[2] + e[2]);
     }
+
+    literal!(0);
 }
 
 #[cfg(feature = "declare")]

@@ -5,11 +5,12 @@
 
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
+use fusion_core::model::Literal;
 use fusion_core::state::{Attitude, Geodetic, Param, Quantity, Vector, View};
 use nalgebra::RowVector3;
 
 /// A point of the body whose height a sensor measures.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Vertical {
     position: Quantity<Geodetic>,
     attitude: Option<Quantity<Attitude>>,

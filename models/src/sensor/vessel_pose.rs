@@ -12,7 +12,8 @@
 use super::attitude::unit;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Manifold, Quantity, View};
 use nalgebra::{Matrix3, Vector3};
 
@@ -20,7 +21,7 @@ use nalgebra::{Matrix3, Vector3};
 const PLACE: usize = 3;
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct VesselPose {
     position: Quantity<Geodetic>,
     attitude: Quantity<Attitude>,
@@ -57,6 +58,8 @@ impl Measurement for VesselPose {
         let turned = unit(attitude) * so3::exp(&Vector3::from_column_slice(&e[3..6]));
         Attitude::write(&turned, attitude);
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -6,12 +6,13 @@
 //! Valid      planar motion: the gyro's axis points down; the Earth's rotation is part of b
 
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Param, Quantity, Scalar, View};
 use nalgebra::Matrix1;
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct YawRate {
     rate: Quantity<Scalar>,
     bias: Param<Scalar>,
@@ -32,6 +33,8 @@ impl Measurement for YawRate {
         h.add(0, &self.bias, &Matrix1::new(1.0));
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

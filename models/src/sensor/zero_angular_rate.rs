@@ -12,7 +12,8 @@ use crate::earth::LocalEarth;
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::geometry::wgs84::EARTH_RATE;
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Quantity, Vector, View};
 use nalgebra::{Matrix3, Vector3};
 
@@ -25,7 +26,7 @@ fn earth_rate(p: &Geodetic) -> (Vector3<f64>, Matrix3<f64>) {
 }
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct ZeroAngularRate {
     gyro_bias: Quantity<Vector<3>>,
     position: Quantity<Geodetic>,
@@ -52,6 +53,8 @@ impl Measurement for ZeroAngularRate {
         h.add(0, &self.position, &(c_bn * by_position));
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -11,12 +11,13 @@
 
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
-use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::literal;
+use fusion_core::model::{Literal, Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Quantity, Velocity, View};
 use nalgebra::Matrix3;
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct ZeroVelocity {
     velocity: Quantity<Velocity>,
     attitude: Option<Quantity<Attitude>>,
@@ -47,6 +48,8 @@ impl Measurement for ZeroVelocity {
         h.add(0, attitude, &skew(&(c_bn * at.get(&self.velocity))));
         Ok(())
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -18,15 +18,17 @@ pub mod field_gate;
 
 use field_gate::FieldGate;
 use fusion_core::geometry::so3;
+use fusion_core::literal;
 use fusion_core::math;
 use fusion_core::memory::{Memory, Tape};
+use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, View, wrap};
 use fusion_core::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// The runtime stage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct CompassStage {
     attitude: Quantity<Attitude>,
     declination: f64,
@@ -82,6 +84,8 @@ impl Stage for CompassStage {
             out.emit(time, &row[..if self.noise.is_some() { 11 } else { 8 }]);
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -5,13 +5,15 @@
 //! Source   RTKLIB 2.4.2 manual, eq. E.6.24
 
 use super::satellite::{Body, WIDTH};
+use fusion_core::literal;
+use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
 use fusion_core::{math, memory};
 
 /// The runtime stage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct ElevationNoise {
     body: Body,
     /// a and b \[m\].
@@ -35,6 +37,8 @@ impl Stage for ElevationNoise {
         with_sigma[WIDTH] = sigma(self.sigmas, seen.elevation);
         out.emit(time, &with_sigma);
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

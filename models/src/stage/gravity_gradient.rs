@@ -15,6 +15,8 @@
 //! Source     Madgwick 2010, eqs. 12-34, with gravity along down
 
 use fusion_core::geometry::so3;
+use fusion_core::literal;
+use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, Vector, View};
 use fusion_core::time::Time;
@@ -66,7 +68,7 @@ pub fn gradient_step(q: &UnitQuaternion<f64>, f_b: &Vector3<f64>, mu: f64) -> Op
 }
 
 /// Where a gradient step starts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Literal, PartialEq, Eq)]
 #[cfg_attr(
     feature = "declare",
     derive(serde::Deserialize, schemars::JsonSchema),
@@ -81,7 +83,7 @@ pub enum StepFrom {
 }
 
 /// The runtime stage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct GravityGradient {
     attitude: Quantity<Attitude>,
     gyro_bias: Option<Quantity<Vector<3>>>,
@@ -120,6 +122,8 @@ impl Stage for GravityGradient {
             out.emit(time, &[q.w, q.i, q.j, q.k, sigma, sigma, sigma, sigma, sigma]);
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -10,13 +10,15 @@
 use super::satellite::{Body, Direction};
 use crate::earth::SPEED_OF_LIGHT;
 use core::f64::consts::{PI, TAU};
+use fusion_core::literal;
+use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
 use fusion_core::{math, memory};
 
 /// The runtime stage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Klobuchar {
     body: Body,
     alpha: [f64; 4],
@@ -65,6 +67,8 @@ impl Stage for Klobuchar {
         let delay = delay((&self.alpha, &self.beta), &seen, day);
         out.emit(time, &[row[0] - delay, row[1], row[2], row[3]]);
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -6,7 +6,9 @@
 //! Valid      a source much faster than the other stream: its row comes up to one of its intervals later
 //! Not here   interpolation to the exact time
 
+use fusion_core::literal;
 use fusion_core::memory;
+use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
@@ -15,7 +17,7 @@ use fusion_core::time::Time;
 const SOURCE: usize = 0;
 
 /// The runtime stage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct OncePer {
     /// True if the next row passes.
     is_due: bool,
@@ -31,6 +33,8 @@ impl Stage for OncePer {
             out.emit(time, row);
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

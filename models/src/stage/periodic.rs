@@ -4,13 +4,15 @@
 //! empty row at most once per period of its source; with `min_speed`, only while the vehicle moves. While a source that
 //! drives the process is silent, the clock continues with the steps in which the process coasts.
 
+use fusion_core::literal;
 use fusion_core::memory;
+use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Velocity, View};
 use fusion_core::time::Time;
 
 /// The runtime stage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Periodic {
     period: i64,
     min_speed: Option<(Quantity<Velocity>, f64)>,
@@ -45,6 +47,8 @@ impl Stage for Periodic {
     fn silence(&mut self, time: Time, view: &View<'_>, out: &mut Emitter<'_>) {
         self.tick(time, Some(view), out);
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

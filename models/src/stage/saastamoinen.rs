@@ -8,6 +8,8 @@
 
 use super::satellite::Body;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::literal;
+use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
@@ -27,7 +29,7 @@ fn zenith(place: &Geodetic, humidity: f64) -> f64 {
 }
 
 /// The runtime stage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Saastamoinen {
     body: Body,
     humidity: f64,
@@ -42,6 +44,8 @@ impl Stage for Saastamoinen {
         let delay = zenith(&seen.place, self.humidity) / math::sin(seen.elevation);
         out.emit(time, &[row[0] - delay, row[1], row[2], row[3]]);
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -6,6 +6,7 @@
 use crate::earth::frames::{ecef_from_geodetic, rotation_en};
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::math;
+use fusion_core::model::Literal;
 use fusion_core::state::{Geodetic, Quantity, View};
 use nalgebra::Vector3;
 
@@ -24,7 +25,7 @@ pub(super) struct Direction {
 }
 
 /// The estimated place of the body.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Body(Quantity<Geodetic>);
 
 impl Body {

@@ -10,6 +10,8 @@
 //!            several tests in a row, and for little mean acceleration
 
 use super::still::StillTest;
+use fusion_core::literal;
+use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage, Tested};
 use fusion_core::state::{Attitude, Quantity, Vector, Velocity, View};
 use fusion_core::time::Time;
@@ -17,7 +19,7 @@ use fusion_core::{math, memory};
 use nalgebra::Vector3;
 
 /// The runtime stage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Stationarity {
     test: StillTest,
     gyro_bias: Option<Quantity<Vector<3>>>,
@@ -113,6 +115,8 @@ impl Stage for Stationarity {
         let [w, f] = self.test.means();
         out.emit(time, &[w.x, w.y, w.z, f.x, f.y, f.z]);
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -9,6 +9,8 @@
 //! Valid      accelerations that average out over τ, gyros that do not drift over it
 
 use fusion_core::geometry::so3;
+use fusion_core::literal;
+use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Vector, View};
 use fusion_core::time::Time;
@@ -25,7 +27,7 @@ pub fn low_passed(filtered: &Vector3<f64>, f_b: &Vector3<f64>, w_nb_b: &Vector3<
 }
 
 /// The runtime stage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct SteadyForce {
     gyro_bias: Option<Quantity<Vector<3>>>,
     time_constant: f64,
@@ -56,6 +58,8 @@ impl Stage for SteadyForce {
             out.emit(time, steady.as_slice());
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -9,10 +9,11 @@ use alloc::collections::VecDeque;
 use alloc::string::String;
 use alloc::vec::Vec;
 use fusion_core::math;
+use fusion_core::model::Literal;
 use nalgebra::Vector3;
 
 /// A sliding window of rate and force with its sums.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct StillTest {
     window: f64,
     accel_std: Vector3<f64>,

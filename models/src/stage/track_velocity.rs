@@ -6,13 +6,15 @@
 //! Not here   estimated parameters: the sensor `track_odometry` has gauge, centre and slip as parameters
 //! Source     Martínez et al. 2005, Approximating kinematics for tracked mobile robots
 
+use fusion_core::literal;
 use fusion_core::memory;
+use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
 
 /// The runtime stage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct TrackVelocity {
     /// The shares of the left and the right track in the speed ahead.
     shares: [f64; 2],
@@ -26,6 +28,8 @@ impl Stage for TrackVelocity {
             out.emit(time, &[ahead, 0.0, 0.0]);
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

@@ -17,6 +17,8 @@
 use alloc::collections::VecDeque;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::literal;
+use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Manifold, View};
 use fusion_core::time::{Time, nanos};
@@ -29,7 +31,7 @@ const TRANSCEIVER: usize = 0;
 const SHIP_POSITION: usize = 1;
 
 /// The places of antenna and transceiver in the ship, and the variances of the measurements.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct Geometry {
     /// From the antenna to the transceiver in the ship \[m\].
     arm: Vector3<f64>,
@@ -60,7 +62,7 @@ impl Geometry {
 }
 
 /// The runtime stage.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
 pub struct UsblFix {
     geometry: Geometry,
     delay: f64,
@@ -135,6 +137,8 @@ impl Stage for UsblFix {
             _ => keep(&mut self.attitudes, of_ship, Attitude::read(row), time),
         }
     }
+
+    literal!();
 }
 
 #[cfg(feature = "declare")]

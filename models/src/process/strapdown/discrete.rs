@@ -23,12 +23,12 @@ use fusion_core::geometry::gamma::{gamma, gamma_derivative};
 use fusion_core::geometry::so3::{self, skew};
 use fusion_core::geometry::wgs84::radii_derivative;
 use fusion_core::linear::Transition;
-use fusion_core::model::Order;
+use fusion_core::model::{Literal, Order};
 use fusion_core::state::{Attitude, Slot, Tangent, Velocity};
 use nalgebra::{Matrix3, Vector3};
 
 /// How Φ and Q of a step are computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Literal, PartialEq, Eq)]
 #[cfg_attr(
     feature = "declare",
     derive(serde::Deserialize, schemars::JsonSchema),
@@ -81,8 +81,8 @@ pub(crate) fn times_diagonal(m: &M, d: &V) -> M {
 }
 
 /// Where position, velocity and attitude are.
-#[derive(Debug)]
-pub(crate) struct Slots<P> {
+#[derive(Debug, Literal)]
+pub struct Slots<P> {
     pub(crate) position: Slot<P>,
     pub(crate) velocity: Slot<Velocity>,
     pub(crate) attitude: Slot<Attitude>,

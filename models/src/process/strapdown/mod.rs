@@ -26,7 +26,8 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 use error_model::Linear;
 use fusion_core::linear::Transition;
-use fusion_core::model::{Gap, Input, Order, Preparation, Process, SignalsOut};
+use fusion_core::literal;
+use fusion_core::model::{Gap, Input, Literal, Order, Preparation, Process, SignalsOut};
 use fusion_core::state::{Signal, Vector};
 use mechanisation::Start;
 use nalgebra::Vector3;
@@ -38,7 +39,7 @@ pub use super::inertial::{AccelerometerSpec, GyroSpec};
 pub use discrete::Discretisation;
 
 /// How an input sample becomes a step of the navigation state.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, Literal, PartialEq, Eq)]
 #[cfg_attr(
     feature = "declare",
     derive(serde::Deserialize, schemars::JsonSchema),
@@ -55,7 +56,7 @@ pub enum Integrator {
 }
 
 /// The runtime model.
-#[derive(Debug)]
+#[derive(Debug, Literal)]
 pub struct Strapdown {
     kinematic: Kinematic,
     inertial: Inertial,
@@ -139,6 +140,8 @@ impl Process for Strapdown {
         // b.v_accel = ∂v̇/∂b_a = −C_nb; by force it is C_nb.
         self.inertial.add_by_force(self.acceleration, &-b.v_accel, &f, out);
     }
+
+    literal!();
 }
 
 /// Rate and force, free of the known errors of the sensors.

@@ -9,10 +9,10 @@
 
 use alloc::vec::Vec;
 use fusion_core::memory;
-use fusion_core::model::{Input, Preparation, Prepared};
+use fusion_core::model::{Input, Literal, Preparation, Prepared};
 
 /// Which neighbour a sample gets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Literal, PartialEq, Eq)]
 pub enum Mode {
     /// The sample before.
     Previous,

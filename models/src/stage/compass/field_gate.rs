@@ -8,12 +8,13 @@
 //!            edge of a disturbance, and if the body turns in it, wrong fields sometimes look right
 
 use super::field::Field;
+use fusion_core::model::Literal;
 use fusion_core::time::Time;
 use fusion_core::{math, memory};
 use nalgebra::Vector2;
 
 /// The properties of a field that do not change with a turn about the vertical.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Literal)]
 pub struct Shape {
     magnitude: f64,
     dip: f64,
@@ -37,7 +38,7 @@ impl Shape {
 }
 
 /// The gate with its memory.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Literal)]
 pub struct FieldGate {
     enabled: bool,
     magnitude: f64,
