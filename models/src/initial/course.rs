@@ -7,11 +7,12 @@ use super::write_yaw;
 use alloc::string::String;
 use fusion_core::belief::Belief;
 use fusion_core::literal;
+use fusion_core::math;
+use fusion_core::memory;
 use fusion_core::model::Literal;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, wrap};
 use fusion_core::time::Time;
-use fusion_core::{math, memory};
 
 /// The runtime initialiser.
 #[derive(Clone, Debug, Literal)]

@@ -158,8 +158,7 @@ attitude_sigma = ["0.1 deg", "0.1 deg", "1 deg"]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::InitialiserSpec;
+    use crate::block::{Build, InitialiserSpec};
     use crate::earth::Gravity;
     use crate::vocabulary::state;
     use fusion_core::geometry::so3;

@@ -23,11 +23,12 @@ use fusion_core::belief::Belief;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::literal;
+use fusion_core::math;
+use fusion_core::memory;
 use fusion_core::model::Literal;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, Manifold};
 use fusion_core::time::Time;
-use fusion_core::{math, memory};
 use nalgebra::Vector3;
 
 /// The runtime initialiser.
@@ -277,8 +278,7 @@ median_of = 1
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::InitialiserSpec;
-    use crate::block::{Build, Taken};
+    use crate::block::{Build, InitialiserSpec, Taken};
     use crate::vocabulary::state;
     use fusion_core::state::{Dynamics, Geodetic as Place, LayoutBuilder};
     use nalgebra::UnitQuaternion;

@@ -18,12 +18,13 @@ use alloc::string::String;
 use fusion_core::belief::Belief;
 use fusion_core::geometry::{so3, wgs84};
 use fusion_core::literal;
+use fusion_core::math;
+use fusion_core::memory;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::model::Literal;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Layout, Manifold, Vector};
 use fusion_core::time::Time;
-use fusion_core::{math, memory};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Roll and pitch \[rad\] from a specific force at rest.

@@ -200,8 +200,7 @@ latitude = "36.1 deg"
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::ProcessSpec;
+    use crate::block::{Build, ProcessSpec};
     use crate::earth::rates::earth_rate_n;
     use fusion_core::state::{Layout, LayoutBuilder};
     use fusion_core::testing::check_process;

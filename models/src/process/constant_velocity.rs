@@ -145,8 +145,7 @@ velocity_sigma = "1 m/s"
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::ProcessSpec;
+    use crate::block::{Build, ProcessSpec};
     use fusion_core::Time;
     use fusion_core::filter::{Backend, Estimator, Filter};
     use fusion_core::model::Size;

@@ -241,8 +241,7 @@ drift = { estimate = true, initial = [0, 0, 0], sigma = ["0.2 m/s", "0.2 m/s", 0
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::ProcessSpec;
+    use crate::block::{Build, ProcessSpec};
     use fusion_core::geometry::wgs84::Geodetic as Place;
     use fusion_core::state::LayoutBuilder;
 

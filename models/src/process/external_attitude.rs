@@ -282,8 +282,7 @@ gravity = "somigliana"
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::ProcessSpec;
+    use crate::block::{Build, ProcessSpec};
     use fusion_core::geometry::wgs84::Geodetic as Place;
     use fusion_core::state::LayoutBuilder;
     use fusion_core::testing::check_process;

@@ -213,8 +213,7 @@ sideways = true
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::ProcessSpec;
+    use crate::block::{Build, ProcessSpec};
     use crate::earth::Gravity;
 
     #[test]

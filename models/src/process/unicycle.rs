@@ -307,8 +307,7 @@ max_step = "0.1 s"
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::ProcessSpec;
+    use crate::block::{Build, ProcessSpec};
 
     #[test]
     fn a_full_circle_closes_and_half_of_one_is_a_diameter_across() {

@@ -140,8 +140,7 @@ pub use spec::*;
 #[cfg(feature = "declare")]
 mod spec {
     use super::*;
-    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
-    use crate::block::{NED, XYZ};
+    use crate::block::{Build, BuildError, Channel, NED, Reading, SensorSpec, XYZ};
     use crate::param::RotationParam;
     use crate::units::{Dimension, Dimensional, dim};
     use crate::vocabulary::{channel, state};

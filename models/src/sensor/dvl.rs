@@ -164,8 +164,7 @@ current = { estimate = true, initial = ["30 cm/s", 0, 0], sigma = ["0.5 m/s", "0
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Matrix3;
-    use nalgebra::Vector3;
+    use nalgebra::{Matrix3, Vector3};
 
     fn spec(text: &str) -> DvlSpec {
         toml::from_str(text).unwrap()

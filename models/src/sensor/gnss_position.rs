@@ -117,8 +117,7 @@ pub use spec::*;
 #[cfg(feature = "declare")]
 mod spec {
     use super::*;
-    use crate::block::NED;
-    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::block::{Build, BuildError, NED, Reading, SensorSpec};
     use crate::param::VectorParam;
     use crate::units::{Dimension, Dimensional, dim};
     use crate::vocabulary::{channel, state};

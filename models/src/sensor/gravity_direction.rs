@@ -57,8 +57,7 @@ pub use spec::*;
 #[cfg(feature = "declare")]
 mod spec {
     use super::*;
-    use crate::block::XYZ;
-    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::block::{Build, BuildError, Reading, SensorSpec, XYZ};
     use crate::earth::LocalEarth;
     use crate::param::VectorParam;
     use crate::units::{Dimension, Dimensional, Positive, STANDARD_GRAVITY, dim};

@@ -9,8 +9,7 @@
 #![cfg(feature = "declare")]
 
 use super::gnss_velocity::GnssVelocity;
-use crate::block::NED;
-use crate::block::{Build, BuildError, Reading, SensorSpec};
+use crate::block::{Build, BuildError, NED, Reading, SensorSpec};
 use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::channel;

@@ -173,8 +173,7 @@ pub use spec::*;
 #[cfg(feature = "declare")]
 mod spec {
     use super::*;
-    use crate::block::XYZ;
-    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::block::{Build, BuildError, Channel, Reading, SensorSpec, XYZ};
     use crate::earth::LocalFrame;
     use crate::param::VectorParam;
     use crate::units::{Dimension, Dimensional, Place, Vec3Of, dim};

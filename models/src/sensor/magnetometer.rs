@@ -77,8 +77,7 @@ pub use spec::*;
 #[cfg(feature = "declare")]
 mod spec {
     use super::*;
-    use crate::block::XYZ;
-    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::block::{Build, BuildError, Reading, SensorSpec, XYZ};
     use crate::earth::magnetic::{self};
     use crate::param::{ParamSpec, ScalarParam, VectorParam};
     use crate::units::{Angle, Dimension, Dimensional, Quantity as Unit, Vec3Of, dim};
@@ -189,8 +188,7 @@ soft_iron = [[1.02, 0, 0.01], [0, 0.99, 0], [0.01, 0, 1]]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::SensorSpec;
+    use crate::block::{Build, SensorSpec};
     use crate::earth::Gravity;
     use fusion_core::geometry::so3;
     use fusion_core::state::{Declaration, Dynamics, LayoutBuilder, StateRole};

@@ -128,8 +128,7 @@ mod tests {
     use crate::earth::SPEED_OF_LIGHT;
     use crate::sensor::satellite::OfSatellite;
     use fusion_core::geometry::wgs84::{EARTH_RATE, Geodetic, SEMI_MAJOR_AXIS};
-    use fusion_core::model::Exact;
-    use fusion_core::model::Measurement;
+    use fusion_core::model::{Exact, Measurement};
     use fusion_core::state::{Quantity, View};
     use nalgebra::Vector3;
 

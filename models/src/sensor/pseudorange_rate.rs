@@ -147,8 +147,7 @@ mod tests {
     use crate::earth::frames::{ecef_from_geodetic, rotation_en};
     use crate::sensor::satellite::EXAMPLE;
     use fusion_core::geometry::wgs84::Geodetic;
-    use fusion_core::model::Exact;
-    use fusion_core::model::Measurement;
+    use fusion_core::model::{Exact, Measurement};
     use fusion_core::state::View;
 
     /// |C(θ) r_s(t − τ) − r_a(t)|, with τ found by iteration.

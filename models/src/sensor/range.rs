@@ -174,13 +174,11 @@ bias = { estimate = true, initial = 0, sigma = "20 cm" }
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::earth::frames::ecef_from_geodetic;
-    use crate::earth::frames::rotation_en;
+    use crate::earth::frames::{ecef_from_geodetic, rotation_en};
     use fusion_core::geometry::so3::{rotation, skew};
     use fusion_core::geometry::wgs84::{Geodetic, Radii, radii};
     use fusion_core::linear::Jacobian;
-    use fusion_core::model::Exact;
-    use fusion_core::model::Measurement;
+    use fusion_core::model::{Exact, Measurement};
     use fusion_core::state::{Declaration, Dynamics, Layout, LayoutBuilder, Manifold, StateRole, View};
     use nalgebra::RowVector3;
 

@@ -135,8 +135,7 @@ lever_arm = ["30 cm", 0, "50 cm"]
 mod tests {
     use super::*;
     use fusion_core::geometry::so3::from_rpy;
-    use fusion_core::model::Exact;
-    use fusion_core::model::Measurement;
+    use fusion_core::model::{Exact, Measurement};
     use fusion_core::state::View;
     use nalgebra::Vector3;
 

@@ -12,8 +12,7 @@
 #![cfg(feature = "declare")]
 
 use super::gnss_position::Fix;
-use crate::block::NED;
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+use crate::block::{Build, BuildError, Channel, NED, Reading, SensorSpec};
 use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::channel;

@@ -63,8 +63,7 @@ pub use spec::*;
 #[cfg(feature = "declare")]
 mod spec {
     use super::*;
-    use crate::block::XYZ;
-    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::block::{Build, BuildError, Reading, SensorSpec, XYZ};
     use crate::units::{Dimension, Dimensional, dim};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
@@ -115,8 +114,7 @@ mod spec {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::SensorSpec;
+    use crate::block::{Build, SensorSpec};
 
     #[test]
     fn at_rest_level_and_north_the_gyros_read_the_earth_rate_of_the_site() {

@@ -58,8 +58,7 @@ pub use spec::*;
 #[cfg(feature = "declare")]
 mod spec {
     use super::*;
-    use crate::block::XYZ;
-    use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::block::{Build, BuildError, Reading, SensorSpec, XYZ};
     use crate::units::{Dimension, Dimensional, dim};
     use crate::vocabulary::state;
     use schemars::JsonSchema;

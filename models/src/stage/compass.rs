@@ -217,8 +217,7 @@ noise = { sigma = "0.8 uT", difference = 5 }
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::StageSpec;
+    use crate::block::{Build, StageSpec};
     use crate::vocabulary::state;
     use field_gate::FieldGateSpec;
 

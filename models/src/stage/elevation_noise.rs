@@ -6,11 +6,12 @@
 
 use super::satellite::{Body, WIDTH};
 use fusion_core::literal;
+use fusion_core::math;
+use fusion_core::memory;
 use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
-use fusion_core::{math, memory};
 
 /// The runtime stage.
 #[derive(Clone, Debug, Literal)]

@@ -16,11 +16,12 @@
 
 use fusion_core::geometry::so3;
 use fusion_core::literal;
+use fusion_core::math;
+use fusion_core::memory;
 use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, Vector, View};
 use fusion_core::time::Time;
-use fusion_core::{math, memory};
 use nalgebra::{Matrix3x4, UnitQuaternion, Vector3};
 
 /// The gradient below which the step has no direction: tilt of 1e-9 rad.

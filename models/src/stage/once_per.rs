@@ -123,8 +123,7 @@ channel = "attitude"
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::StageSpec;
+    use crate::block::{Build, StageSpec};
     use crate::earth::Gravity;
     use fusion_core::state::LayoutBuilder;
 

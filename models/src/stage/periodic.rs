@@ -118,8 +118,7 @@ min_speed = "1 m/s"
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::StageSpec;
+    use crate::block::{Build, StageSpec};
     use crate::earth::Gravity;
     use fusion_core::state::LayoutBuilder;
 

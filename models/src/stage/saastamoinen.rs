@@ -9,11 +9,12 @@
 use super::satellite::Body;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::literal;
+use fusion_core::math;
+use fusion_core::memory;
 use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::View;
 use fusion_core::time::Time;
-use fusion_core::{math, memory};
 
 /// The lowest elevation at which 1/sin E is a mapping of the delay \[rad\]: 3°.
 const LOWEST: f64 = 0.052;

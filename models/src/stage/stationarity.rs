@@ -11,11 +11,12 @@
 
 use super::still::StillTest;
 use fusion_core::literal;
+use fusion_core::math;
+use fusion_core::memory;
 use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage, Tested};
 use fusion_core::state::{Attitude, Quantity, Vector, Velocity, View};
 use fusion_core::time::Time;
-use fusion_core::{math, memory};
 use nalgebra::Vector3;
 
 /// The runtime stage.

@@ -10,11 +10,12 @@
 
 use fusion_core::geometry::so3;
 use fusion_core::literal;
+use fusion_core::math;
+use fusion_core::memory;
 use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Vector, View};
 use fusion_core::time::Time;
-use fusion_core::{math, memory};
 use nalgebra::Vector3;
 
 /// The specific force, low-pass filtered over `time_constant` \[s\] in axes that do not rotate: `filtered`

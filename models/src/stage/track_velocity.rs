@@ -109,8 +109,7 @@ centre = "5 cm"
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::StageSpec;
-    use crate::block::{Build, BuildError};
+    use crate::block::{Build, BuildError, StageSpec};
     use crate::earth::Gravity;
     use fusion_core::state::LayoutBuilder;
 

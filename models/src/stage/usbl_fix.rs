@@ -18,11 +18,12 @@ use alloc::collections::VecDeque;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::literal;
+use fusion_core::math;
+use fusion_core::memory;
 use fusion_core::model::Literal;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Manifold, View};
 use fusion_core::time::{Time, nanos};
-use fusion_core::{math, memory};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// The inputs by number.
@@ -290,8 +291,7 @@ longest_range = "150 m"
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::Build;
-    use crate::block::StageSpec;
+    use crate::block::{Build, StageSpec};
     use crate::earth::Gravity;
     use fusion_core::state::LayoutBuilder;
 

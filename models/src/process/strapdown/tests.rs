@@ -1,6 +1,5 @@
 use super::*;
-use crate::block::Build;
-use crate::block::ProcessSpec;
+use crate::block::{Build, ProcessSpec};
 use fusion_core::geometry::so3;
 use fusion_core::model::Prepared;
 use fusion_core::state::{Layout, LayoutBuilder};

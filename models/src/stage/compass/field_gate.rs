@@ -8,9 +8,10 @@
 //!            edge of a disturbance, and if the body turns in it, wrong fields sometimes look right
 
 use super::field::Field;
+use fusion_core::math;
+use fusion_core::memory;
 use fusion_core::model::Literal;
 use fusion_core::time::Time;
-use fusion_core::{math, memory};
 use nalgebra::Vector2;
 
 /// The properties of a field that do not change with a turn about the vertical.
