@@ -65,6 +65,7 @@ chapters! {
     chna: "paper-chna.md",
     backends_measured: "backends-measured.md",
     recorded_logs: "recorded-logs.md",
+    beside_others: "beside-others.md",
     speed: "speed.md",
     glossary: "glossary.md",
     files: "files.md",
