@@ -4,8 +4,8 @@
 //! valid. Parameters are the defaults of PX4, except what the log states: the latency and the antenna. The vehicle is
 //! in the air from the first GNSS velocity of 1 m/s on, as a land detector would say.
 
-use ekf2::{Ekf, HeightReference};
 use ekf2::types::{BaroSample, GnssSample, ImuSample, MagSample};
+use ekf2::{Ekf, HeightReference};
 use std::error::Error;
 use std::fmt::Write;
 

@@ -18,7 +18,8 @@ import subprocess
 import sys
 import venv
 
-import common
+sys.dont_write_bytecode = True
+import common  # noqa: E402
 
 CHAPTER = common.ROOT / "book" / "src" / "beside-others.md"
 # The name of a peer, and the module that compares with it.
