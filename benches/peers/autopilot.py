@@ -71,4 +71,5 @@ def compare(_options):
             common.say(" ".join(body[-1]))
     text = f"ekf2 {VERSION}, {SEEDS} seeds of each scenario, over the time in which EKF2 calls its position valid. "
     text += "Each cell is ours / EKF2.\n\n"
-    return text + common.table(["scenario", "horizontal RMS [m]", "height RMS [m]", "heading RMS [deg]", "ANEES, horizontal"], body)
+    head = ["scenario", "horizontal RMS [m]", "height RMS [m]", "heading RMS [deg]", "ANEES, horizontal"]
+    return text + common.table(head, body)

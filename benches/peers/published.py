@@ -41,7 +41,8 @@ def textbook(program):
         places = {"lat": row["lat_deg"], "lon": row["lon_deg"], "h": row["height_m"], "yaw": row["yaw_deg"]}
         by_time["ours"][round(100 * row["t_s"])] = places
     times = sorted(set(by_time["ours"]) & set(by_time["textbook"]) & set(by_time["truth"]))
-    metres = {"lat": math.radians(6_378_137.0), "lon": math.radians(6_378_137.0) * math.cos(math.radians(51)), "h": 1.0, "yaw": 1.0}
+    degree = math.radians(6_378_137.0)
+    metres = {"lat": degree, "lon": degree * math.cos(math.radians(51)), "h": 1.0, "yaw": 1.0}
 
     def apart(a, b):
         errors = {name: [by_time[a][t][name] - by_time[b][t][name] for t in times] for name in metres}
