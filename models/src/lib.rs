@@ -123,6 +123,7 @@ pub mod registry;
 mod seed;
 pub mod sensor;
 pub mod sim;
+pub mod solution;
 pub mod spelling;
 pub mod stage;
 pub mod testing;

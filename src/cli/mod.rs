@@ -11,6 +11,7 @@ mod budget;
 mod builtin;
 mod check;
 mod compare;
+mod compile;
 mod fix;
 mod inspect;
 mod live;
@@ -200,6 +201,16 @@ Examples:
   fusion stress drive.toml --draw 200 --runs 1..101 --part c.cbor    cases count from 1
   fusion compare a.toml b.toml --runs 0..50 --part d.cbor")]
     Merge(merge::MergeArgs),
+    /// Write a Rust program that assembles the filter of a design, without parser and `std`, for a vehicle.
+    ///
+    /// The program calls the constructors of the blocks with their numbers, bit by bit. With the same rows it has the
+    /// estimates of the design with the kernel `portable`. Banks of hypotheses, filters inside stages and
+    /// `order = "rewind"` are refused.
+    #[command(after_long_help = "\
+Examples:
+  fusion compile car.toml --out car
+  cd car && cargo build --release --target thumbv7em-none-eabihf")]
+    Compile(compile::CompileArgs),
     /// Run a design under a catalogue of faults, one at a time and in random pairs: does it survive,
     /// and does it report its failures.
     ///
@@ -525,6 +536,7 @@ pub fn main() -> ExitCode {
         Command::Budget(args) => budget::budget(&args),
         Command::Tune(args) => tune::tune(&args),
         Command::Merge(args) => merge::merge(&args),
+        Command::Compile(args) => compile::compile(&args),
         Command::Stress(args) => stress::stress(&args),
         Command::Record(args) => record::record_world(&args),
         Command::Schema { summary: true } => print(&format!("{:#}\n", fusion::run::summary_schema())),

@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// The crates in order of dependency, as ARCHITECTURE.md draws them: folder, package, and the packages that it may use.
-const CRATES: [(&str, &str, &[&str]); 13] = [
+const CRATES: [(&str, &str, &[&str]); 15] = [
     ("kernels", "fusion-kernels", &[]),
     ("derive", "fusion-derive", &[]),
     ("fusion-core", "fusion-core", &["fusion-derive", "fusion-kernels"]),
     ("models", "fusion-models", &["fusion-core"]),
     ("fusion", "fusion", &["fusion-core", "fusion-models"]),
+    ("vehicle", "fusion-vehicle", &["fusion-core", "fusion-models"]),
+    ("compile", "fusion-compile", &["fusion", "fusion-core"]),
     ("tables", "fusion-tables", &["fusion", "fusion-core"]),
     (
         "judge",
@@ -36,6 +38,7 @@ const CRATES: [(&str, &str, &[&str]); 13] = [
         &[
             "fusion",
             "fusion-advice",
+            "fusion-compile",
             "fusion-formats",
             "fusion-judge",
             "fusion-live",

@@ -1,7 +1,10 @@
 //! The limits by which a filter's health is judged.
 
+use crate::model::Literal;
+
 /// Bounds of health.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Literal)]
+#[literal(at = "fusion_core::health")]
 pub struct Limits {
     /// A filter is aligned once no axis of its attitude has a greater 1σ \[rad\]. It stays aligned until an axis has
     /// twice as much.
@@ -44,7 +47,8 @@ pub struct Limits {
 }
 
 /// The least 1σ that an estimate of the motion can have.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Literal)]
+#[literal(at = "fusion_core::health")]
 pub struct Floor {
     /// Of each axis of position \[m\].
     pub position: f64,

@@ -7,7 +7,7 @@
 use super::exact::{Exact, ExactModel};
 use crate::Time;
 use crate::geometry::wgs84::Geodetic;
-use crate::state::{Manifold, Quantity, Signal, Slot};
+use crate::state::{Kind, Layout, Manifold, Quantity, Signal, Slot};
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::format;
@@ -166,6 +166,14 @@ impl<T: Literal> Literal for Vec<T> {
     }
 }
 
+/// Written as a vector, which owns what the slice borrows.
+impl<T: Literal> Literal for &[T] {
+    fn expression(&self, out: &mut String) {
+        out.push_str("::alloc::vec!");
+        list(out, '[', self.iter().map(|item| item as _), ']');
+    }
+}
+
 impl<T: Literal> Literal for VecDeque<T> {
     fn expression(&self, out: &mut String) {
         out.push_str("::alloc::collections::VecDeque::from(::alloc::vec!");
@@ -216,6 +224,21 @@ impl Literal for Geodetic {
     fn expression(&self, out: &mut String) {
         let coordinates: [&dyn Literal; 3] = [&self.lat, &self.lon, &self.height];
         call(out, "::fusion_core::geometry::wgs84::Geodetic::new", &coordinates);
+    }
+}
+
+/// A manifold of another crate has no expression: a program with one is not written.
+impl Literal for Kind {
+    fn expression(&self, out: &mut String) {
+        out.push_str(&format!("::fusion_core::state::Kind::{self:?}"));
+    }
+}
+
+impl Literal for Layout {
+    fn expression(&self, out: &mut String) {
+        let signals: Vec<(String, Kind)> = self.signals().map(|(name, kind, ..)| (name.into(), kind)).collect();
+        let parts: [&dyn Literal; 3] = [&self.blocks(), &signals, &self.initial()];
+        call(out, "::fusion_core::state::Layout::from_literal", &parts);
     }
 }
 

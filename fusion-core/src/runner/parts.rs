@@ -17,7 +17,8 @@ use alloc::vec::Vec;
 use core::fmt::Debug;
 
 /// Which numbers of a stream's rows a consumer takes, in its own order.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Literal)]
+#[literal(at = "fusion_core::runner")]
 pub struct Port {
     /// The stream.
     pub stream: StreamId,
@@ -35,7 +36,8 @@ impl Port {
 }
 
 /// The limits of the input of the process.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Literal)]
+#[literal(at = "fusion_core::runner")]
 pub struct InputLimits {
     /// The largest magnitude per number of a sample, as its instrument measures; empty: any.
     pub range: Vec<f64>,
@@ -57,7 +59,8 @@ impl Default for InputLimits {
 }
 
 /// The noise of a sensor: constant, or read from columns of its rows.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
+#[literal(at = "fusion_core::runner")]
 pub struct Noise {
     /// R, m×m, row by row: the constant part.
     pub covariance: Vec<f64>,
@@ -94,7 +97,8 @@ impl Noise {
 
 /// The time offset of a sensor whose rows cannot simply be queued at their time of validity: stamp
 /// minus validity \[s\].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
+#[literal(at = "fusion_core::runner")]
 pub struct Offset {
     /// Its value: a state, or a constant where rows come too late to be queued that early.
     pub value: Quantity<Scalar>,

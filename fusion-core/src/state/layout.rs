@@ -4,13 +4,15 @@ use super::manifold::{Kind, Manifold, Vector, is_rotation};
 use super::name::QuantityName;
 use super::quantity::{Quantity, Signal, Slot};
 use super::space::Space;
+use crate::model::Literal;
 use alloc::borrow::ToOwned;
 use alloc::string::String;
 use alloc::vec::Vec;
 use thiserror::Error;
 
 /// How a block moves by itself between measurements.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Literal)]
+#[literal(at = "fusion_core::state")]
 pub enum Dynamics {
     /// The process model moves it.
     Process,
@@ -40,7 +42,8 @@ pub enum Dynamics {
 }
 
 /// The purpose of a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Literal)]
+#[literal(at = "fusion_core::state")]
 pub enum StateRole {
     /// The motion: the process moves this block.
     Kinematic,
@@ -53,7 +56,8 @@ pub enum StateRole {
 }
 
 /// One named block of the state vector.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Literal)]
+#[literal(at = "fusion_core::state")]
 pub struct Block {
     /// Unique name, `owner.parameter` or the process's own name for it.
     pub name: String,
@@ -185,6 +189,47 @@ pub struct Layout {
 }
 
 impl Layout {
+    /// The layout of these blocks, and of these signals: their names and kinds.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn from_literal(blocks: Vec<Block>, signals: Vec<(String, Kind)>, initial: Vec<f64>) -> Self {
+        let mut layout = Self {
+            initial,
+            ..Self::default()
+        };
+        for block in &blocks {
+            layout.take(block.kind);
+        }
+        for (name, kind) in signals {
+            layout.add_signal(name, kind);
+        }
+        Self { blocks, ..layout }
+    }
+
+    /// Makes room for a block of this kind.
+    fn take(&mut self, kind: Kind) {
+        if kind == Kind::Attitude {
+            self.attitudes.push(self.storage);
+        }
+        if let Kind::Custom(space) = kind {
+            self.customs.push((self.storage, space));
+        }
+        self.limits.extend((0..kind.storage()).map(|k| kind.limit(k)));
+        self.storage += kind.storage();
+        self.dim += kind.dim();
+    }
+
+    fn add_signal(&mut self, name: String, kind: Kind) {
+        self.signals.push(SignalInfo {
+            name,
+            kind,
+            storage: self.signal_storage,
+            tangent: self.signal_dim,
+        });
+        self.signal_storage += kind.storage();
+        self.signal_dim += kind.dim();
+    }
+
     /// The blocks in order.
     #[must_use]
     pub fn blocks(&self) -> &[Block] {
@@ -416,15 +461,7 @@ impl LayoutBuilder {
             sigma: d.sigma,
             in_body_axes: false,
         });
-        if M::KIND == Kind::Attitude {
-            l.attitudes.push(l.storage);
-        }
-        if let Kind::Custom(space) = M::KIND {
-            l.customs.push((l.storage, space));
-        }
-        l.limits.extend((0..M::KIND.storage()).map(|k| M::KIND.limit(k)));
-        l.storage += M::KIND.storage();
-        l.dim += dim;
+        l.take(M::KIND);
         Ok(slot)
     }
 
@@ -451,14 +488,7 @@ impl LayoutBuilder {
             });
         }
         let signal = Signal::new(l.signal_storage, l.signal_dim);
-        l.signals.push(SignalInfo {
-            name: name.to_owned(),
-            kind: M::KIND,
-            storage: l.signal_storage,
-            tangent: l.signal_dim,
-        });
-        l.signal_storage += M::KIND.storage();
-        l.signal_dim += M::KIND.dim();
+        l.add_signal(name.to_owned(), M::KIND);
         Ok(signal)
     }
 

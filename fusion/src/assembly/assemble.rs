@@ -1,11 +1,12 @@
 //! The assembler: builds every block over one layout, then puts the runner together.
 
+use super::plan::Plan;
 use super::sensors::{self, Built};
 use super::streams::known_streams;
 use super::{Inside, SensorInfo, StreamLayout};
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Draft, Named, OrderSpec, ProcessDesign, SourceDesign};
-use fusion_core::filter::{Bank, Estimator, Filter};
+use fusion_core::filter::{Bank, Estimator};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Process, Size};
 use fusion_core::runner::{InitialiserUnit, InputLimits, Port, Runner, Sensor, StageUnit};
@@ -62,9 +63,22 @@ pub fn assemble(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly
 
 fn assemble_once(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly, Diagnostics> {
     let mut a = Assembler::new(design, Some(&design.process), declared, Vec::new(), Data::of(design));
-    let assembly = a.assemble();
+    let assembly = a.plan().map(|plan| a.assembly(plan));
     match assembly {
         Some(assembly) => a.d.unless_errors(assembly),
+        None => Err(a.d),
+    }
+}
+
+/// Builds the blocks of `design` as [`assemble`] does, but not the estimator and the runner.
+///
+/// # Errors
+/// Every mistake found.
+pub fn plan(design: &Design, declared: Vec<StreamLayout>) -> Result<Plan, Diagnostics> {
+    let mut a = Assembler::new(design, Some(&design.process), declared, Vec::new(), Data::of(design));
+    let plan = a.plan();
+    match plan {
+        Some(plan) => a.d.unless_errors(plan),
         None => Err(a.d),
     }
 }
@@ -74,7 +88,7 @@ fn assemble_once(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembl
 pub(crate) fn check(draft: &Draft, d: &mut Diagnostics) {
     let (streams, vague) = known_streams(draft, d);
     let mut a = Assembler::new(draft, draft.process.as_ref(), streams, vague, Data::of(draft));
-    a.assemble();
+    a.plan();
     d.extend(a.d.iter().cloned());
 }
 
@@ -154,20 +168,26 @@ impl<'a, P> Assembler<'a, P> {
         }
     }
 
-    /// The assembly, if there are no mistakes.
-    fn assemble(&mut self) -> Option<Assembly> {
+    /// The plan of the outermost filter, if there are no mistakes.
+    fn plan(&mut self) -> Option<Plan> {
         let (process, parts, infos) = self.blocks();
         self.check_restart();
-        let mut assembly = self.finish(process?, parts, infos)?;
-        let longest = self.design.run.longest_jump.map_or(LONGEST_JUMP, |t| t.si());
-        assembly.runner.limit_jumps(longest);
-        assembly
-            .runner
-            .restart_lost(self.design.run.restart_lost.map_or(RESTART_LOST, |v| v.si()));
-        if let Some(silence) = self.design.run.restart_after {
-            assembly.runner.restart_after(silence.si());
-        }
-        Some(assembly)
+        let run = &self.design.run;
+        Some(Plan {
+            longest_jump: Some(run.longest_jump.map_or(LONGEST_JUMP, |t| t.si())),
+            restart_lost: Some(run.restart_lost.map_or(RESTART_LOST, |v| v.si())),
+            restart_after: run.restart_after.map(|silence| silence.si()),
+            ..self.finish(process?, parts, infos)?
+        })
+    }
+
+    /// The assembly of a plan.
+    pub(super) fn assembly(&self, plan: Plan) -> Assembly {
+        let estimator: Box<dyn Estimator> = match self.design.filter.bank {
+            None => Box::new(plan.filter()),
+            Some(bank) => Box::new(Bank::new(bank.limits(), || (Box::new(plan.filter()), self.gates(&plan.infos)))),
+        };
+        plan.assembly(estimator)
     }
 
     /// Builds and connects the blocks. Without a process no other block is built, but all are connected.
@@ -317,7 +337,7 @@ impl<'a, P> Assembler<'a, P> {
         self.d.push(Diagnostic::error(message).at(place).help(help));
     }
 
-    pub(super) fn finish(&mut self, process: Arc<dyn Process>, parts: Parts, infos: Vec<SensorInfo>) -> Option<Assembly> {
+    pub(super) fn finish(&mut self, process: Arc<dyn Process>, parts: Parts, infos: Vec<SensorInfo>) -> Option<Plan> {
         let layout = Arc::new(std::mem::take(&mut self.layout).finish());
         if !self.design.unread.initialisers {
             self.check_initialised(&layout);
@@ -337,30 +357,23 @@ impl<'a, P> Assembler<'a, P> {
             value: m.value.max(s.value),
             residual: m.residual.max(s.residual),
         });
-        let filter = || Box::new(Filter::new(layout.clone(), process.clone(), design.filter.backend(), largest));
-        let filter: Box<dyn Estimator> = match design.filter.bank {
-            None => filter(),
-            Some(bank) => Box::new(Bank::new(bank.limits(), || (filter(), self.gates(&infos)))),
-        };
-        let mut runner = Runner::new(filter, process.clone(), design.run.reorder.si());
-        runner.set_limits(design.health.limits());
-        for stream in &streams {
-            runner.add_stream(&stream.name, stream.width());
-        }
-        if let Some(input) = parts.input {
-            runner.set_input(input);
-            runner.limit_input(parts.limits);
-        }
-        parts.sensors.into_iter().for_each(|s| runner.add_sensor(s));
-        parts.stages.into_iter().for_each(|s| runner.add_stage(s));
-        parts.initialisers.into_iter().for_each(|s| runner.add_initialiser(s));
-        Some(Assembly {
-            runner,
+        Some(Plan {
             layout,
             process,
-            sensors: infos,
+            backend: design.filter.backend(),
+            largest,
+            reorder: design.run.reorder.si(),
+            limits: design.health.limits(),
             streams,
-            filters: std::mem::take(&mut self.inside),
+            input: parts.input.map(|input| (input, parts.limits)),
+            sensors: parts.sensors,
+            stages: parts.stages,
+            initialisers: parts.initialisers,
+            longest_jump: None,
+            restart_lost: None,
+            restart_after: None,
+            infos,
+            inside: std::mem::take(&mut self.inside),
             gravity: self.gravity,
             fingerprint: crate::checkpoint::fingerprint(&design.document),
         })

@@ -7,14 +7,16 @@
 
 mod assemble;
 mod nested;
+mod plan;
 mod ports;
 mod sensors;
 mod simulated;
 mod streams;
 
 pub(crate) use assemble::check;
-pub use assemble::{Assembly, assemble};
+pub use assemble::{Assembly, assemble, plan};
 pub use nested::Inside;
+pub use plan::Plan;
 pub use sensors::SensorInfo;
 pub use simulated::stream_of;
 pub use streams::{StreamChannel, StreamLayout, declared_streams};

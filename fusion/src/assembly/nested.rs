@@ -70,7 +70,9 @@ impl<'a, P> Assembler<'a, P> {
         let driver = parts.input.as_ref().map(|port| (origins[port.stream], port.delay));
         let inlets = localise(&mut inside.streams, &mut parts, &origins);
         self.check_in_time(named, &inlets);
-        let assembly = process.and_then(|process| inside.finish(process, parts, infos));
+        let assembly = process
+            .and_then(|process| inside.finish(process, parts, infos))
+            .map(|plan| inside.assembly(plan));
         self.d.extend(inside.d.iter().cloned());
         let Assembly {
             runner,

@@ -207,7 +207,7 @@ impl SectionObserver for Finals {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solution::SolutionReader;
+    use crate::solution::{SolutionReader, Solved};
     use fusion_core::memory::{restore, save};
 
     #[test]
@@ -240,7 +240,7 @@ mod tests {
         let mut finals = Finals::new(&filters);
         let (mut bytes, belief) = (Vec::new(), &belief);
         let mut reader = SolutionReader::new(&filter.layout, filter.process.clone());
-        let solution = &reader.solved(belief);
+        let solution = &Solved::new(&mut reader, belief);
         finals.on(&RunEvent::Estimate { filter, solution, belief }).unwrap();
         save(&mut finals, &mut bytes);
         let mut twin = Finals::new(&filters);

@@ -4,7 +4,7 @@ use super::wait::Waiting;
 use super::{Filters, RunEnd, RunEvent, RunObserver, SectionObserver, Summary};
 use crate::rows::Row;
 use crate::score::{Comparison, ReferenceEpoch};
-use crate::solution::{SolutionReader, Turning};
+use crate::solution::{SolutionReader, Solved, Turning};
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt, Observer};
 use fusion_core::time::Time;
@@ -261,7 +261,7 @@ impl Observer for Hub<'_> {
         // A comparison needs every solution.
         let solution = &match comparison {
             Some(_) => reader.read(belief).into(),
-            None => reader.solved(belief),
+            None => Solved::new(reader, belief),
         };
         let estimate = RunEvent::Estimate { filter, solution, belief };
         self.observers.tell(&estimate)?;

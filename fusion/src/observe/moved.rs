@@ -436,6 +436,7 @@ impl RunObserver for Excesses {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::solution::{SolutionReader, Solved};
     use fusion_core::covariance::FormKind;
     use fusion_core::filter::Rivals;
     use fusion_core::gate::Mode;
@@ -473,7 +474,7 @@ mod tests {
         let block = filter.layout.blocks().iter().find(|b| b.name == "gnss.time_offset").unwrap();
         let mut belief = Belief::initial(&filter.layout, &FormKind::Joseph.form(), Time::default());
         let mut all = Excesses::new(filters);
-        let mut reader = crate::solution::SolutionReader::new(&filter.layout, filter.process.clone());
+        let mut reader = SolutionReader::new(&filter.layout, filter.process.clone());
         let rivals = Rivals::NONE;
         let event = &Event::Started { belief: &belief, rivals };
         all.on(&RunEvent::Filter { filter, event }).unwrap();
@@ -513,7 +514,7 @@ mod tests {
             all.on(&RunEvent::Filter { filter, event }).unwrap();
             belief.time = time;
             belief.x[block.storage_range()][0] = latency;
-            let (solution, belief) = (&reader.solved(&belief), &belief);
+            let (solution, belief) = (&Solved::new(&mut reader, &belief), &belief);
             all.on(&RunEvent::Estimate { filter, solution, belief }).unwrap();
             if saved_at == Some(k) {
                 let (mut bytes, mut twin) = (Vec::new(), Excesses::new(filters));

@@ -20,7 +20,8 @@ enum Reading<'a> {
 }
 
 impl<'a> Solved<'a> {
-    pub(super) const fn new(reader: &'a mut SolutionReader, belief: &'a Belief) -> Self {
+    /// The solution of `belief`, read when somebody looks at it.
+    pub(crate) const fn new(reader: &'a mut SolutionReader, belief: &'a Belief) -> Self {
         Self(Reading::Due {
             reader: RefCell::new(reader),
             belief,

@@ -28,7 +28,7 @@ fusion_core::memory!(Turning { previous, x; process, attitude, signals, moved })
 
 impl Turning {
     /// For the beliefs of `layout` under `process`.
-    pub(crate) fn new(layout: &Layout, process: Arc<dyn Process>) -> Self {
+    pub fn new(layout: &Layout, process: Arc<dyn Process>) -> Self {
         Self {
             process,
             attitude: layout.quantity(state::ATTITUDE).ok(),
@@ -40,13 +40,13 @@ impl Turning {
     }
 
     /// The filter begins anew: the next belief is its first.
-    pub(crate) fn begin(&mut self) {
+    pub fn begin(&mut self) {
         self.previous = None;
     }
 
     /// The rate \[rad/s\] since the previous belief, by the input of `belief`; `None` for the first belief, and without
     /// an attitude. If `belief` does not have its input, the rate follows from the two attitudes.
-    pub(crate) fn rate(&mut self, belief: &Belief) -> Option<Vector3<f64>> {
+    pub fn rate(&mut self, belief: &Belief) -> Option<Vector3<f64>> {
         let attitude = self.attitude.as_ref()?;
         let dt = self
             .previous

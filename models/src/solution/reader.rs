@@ -1,17 +1,17 @@
 //! Reading the solution out of beliefs.
 
-use super::{Solution, Solved};
+use super::Solution;
+use crate::vocabulary::state;
+use alloc::sync::Arc;
 use fusion_core::belief::Belief;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Process, SignalBuffer};
 use fusion_core::state::{Attitude, Layout, Manifold, Quantity, Tangent, Velocity};
-use fusion_models::vocabulary::state;
 use nalgebra::Matrix3;
-use std::sync::Arc;
 
 /// Reads the solution out of beliefs of one layout.
 #[derive(Debug)]
-pub(crate) struct SolutionReader {
+pub struct SolutionReader {
     process: Arc<dyn Process>,
     position: Option<Quantity<Geodetic>>,
     velocity: Option<Quantity<Velocity>>,
@@ -43,11 +43,6 @@ impl SolutionReader {
             from_signals,
             solution: Solution::default(),
         }
-    }
-
-    /// The solution of `belief`, read when somebody looks at it.
-    pub fn solved<'a>(&'a mut self, belief: &'a Belief) -> Solved<'a> {
-        Solved::new(self, belief)
     }
 
     /// The solution of `belief`.

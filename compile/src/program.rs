@@ -1,0 +1,156 @@
+//! The files of a compiled design.
+
+use crate::assemble::{Unwritten, body};
+use fusion::assembly::{Plan, declared_streams, plan};
+use fusion::config::{Diagnostic, Diagnostics};
+use fusion::design::{Design, OrderSpec};
+use fusion::provenance::Provenance;
+use fusion_core::state::Kind;
+use std::fs;
+use std::io;
+use std::path::Path;
+
+/// A program of the host that replays rows.
+const REPLAY: &str = include_str!("replay.rs.txt");
+
+/// A Rust crate that assembles the filter of a design.
+#[derive(Clone, Debug)]
+pub struct Program {
+    /// The name of the crate.
+    pub name: String,
+    /// Each file: its path in the folder of the crate, and its text.
+    pub files: Vec<(&'static str, String)>,
+}
+
+impl Program {
+    /// Writes its files; creates the folder if necessary.
+    ///
+    /// # Errors
+    /// The errors of the file system.
+    pub fn write(&self, folder: &Path) -> io::Result<()> {
+        for (path, text) in &self.files {
+            let path = folder.join(path);
+            fs::create_dir_all(path.parent().unwrap_or(folder))?;
+            fs::write(path, text)?;
+        }
+        Ok(())
+    }
+}
+
+/// Compiles a design. `crates` is the folder with the crates of this framework, for the dependency on `fusion-vehicle`.
+///
+/// # Errors
+/// The mistakes of the design; what it has that no program can be written for, by its name.
+pub fn compile(design: &Design, name: &str, crates: &Path) -> Result<Program, Diagnostics> {
+    let plan = plan(design, declared_streams(design)?)?;
+    refuse(design, &plan)?;
+    let body = body(&plan).map_err(|Unwritten(what)| {
+        let error = Diagnostic::error(format!("{what} cannot be compiled: it has no literal"));
+        error.help("derive `Literal` for its model, and name it by `literal!()` in the trait of its role; a filter inside a stage has none")
+    })?;
+    let provenance = Provenance::of(design, None);
+    let streams: Vec<String> = plan.streams.iter().map(|s| format!("({:?}, {})", s.name, s.width())).collect();
+    let library = format!(
+        "//! {description}\n\
+         //!\n\
+         //! Written by `fusion compile` {version} from {file}, design {hash}. Changes are lost when it is written again.\n\
+         \n\
+         #![no_std]\n\
+         #![forbid(unsafe_code)]\n\
+         #![allow(clippy::all, unused_imports)]\n\
+         \n\
+         extern crate alloc;\n\
+         \n\
+         use alloc::boxed::Box;\n\
+         use alloc::sync::Arc;\n\
+         use fusion_vehicle::fusion_core::filter::{{Filter, Parts}};\n\
+         use fusion_vehicle::fusion_core::model::{{Process, Size}};\n\
+         use fusion_vehicle::fusion_core::runner::{{InitialiserUnit, Runner, Sensor, StageUnit}};\n\
+         use fusion_vehicle::fusion_core::{{chart, covariance, filter}};\n\
+         use fusion_vehicle::Vehicle;\n\
+         \n\
+         /// The hash of the design.\n\
+         pub const DESIGN: &str = {hash:?};\n\
+         \n\
+         /// The streams in order of their numbers: their names, and the count of numbers in a row.\n\
+         pub const STREAMS: [(&str, usize); {count}] = [{streams}];\n\
+         \n\
+         /// The filter, before its first row.\n\
+         #[must_use]\n\
+         pub fn assemble() -> Vehicle {{\n\
+         {body}\
+         }}\n",
+        description = design.run.description,
+        version = provenance.version,
+        file = provenance.design,
+        hash = provenance.hash,
+        count = streams.len(),
+        streams = streams.join(", "),
+    );
+    let manifest = format!(
+        "# Written by `fusion compile`.\n\
+         [workspace]\n\
+         \n\
+         [package]\n\
+         name = {name:?}\n\
+         version = \"0.1.0\"\n\
+         edition = \"2024\"\n\
+         \n\
+         [dependencies]\n\
+         fusion-core = {{ path = {core:?}, default-features = false }}\n\
+         fusion-models = {{ path = {models:?}, default-features = false }}\n\
+         fusion-vehicle = {{ path = {vehicle:?}, default-features = false }}\n\
+         nalgebra = {{ version = \"0.35\", default-features = false, features = [\"alloc\"] }}\n\
+         \n\
+         [features]\n\
+         default = [\"libm\"]\n\
+         # Mathematics by the crate `libm`: the same bits on every platform.\n\
+         libm = [\"fusion-vehicle/libm\"]\n\
+         # Mathematics of the standard library, as `fusion run` without its feature `libm`.\n\
+         std = [\"fusion-vehicle/std\"]\n",
+        core = crates.join("fusion-core"),
+        models = crates.join("models"),
+        vehicle = crates.join("vehicle"),
+    );
+    Ok(Program {
+        name: name.to_owned(),
+        files: vec![
+            ("Cargo.toml", manifest),
+            ("src/lib.rs", library),
+            ("examples/replay.rs", REPLAY.replace("FILTER", &name.replace('-', "_"))),
+        ],
+    })
+}
+
+/// Refuses what no program can be written for.
+fn refuse(design: &Design, plan: &Plan) -> Result<(), Diagnostics> {
+    let at = |path: &[&str], message: String, help: &str| {
+        let root = design.document.root();
+        let node = path.iter().try_fold(root, |node, key| node.get(key));
+        let error = Diagnostic::error(message).help(help.to_owned());
+        match node {
+            Some(node) => error.at(node.place()),
+            None => error,
+        }
+    };
+    let mut d = Diagnostics::new();
+    if design.filter.bank.is_some() {
+        let help = "leave `bank` out in a variant for the vehicle: one hypothesis";
+        d.push(at(&["filter", "bank"], "a bank of hypotheses cannot be compiled".to_owned(), help));
+    }
+    if design.run.order != OrderSpec::Hold {
+        let help = "use `order = \"hold\"`, which holds rows back for late ones";
+        d.push(at(
+            &["run", "order"],
+            "a filter that goes back for late rows cannot be compiled".to_owned(),
+            help,
+        ));
+    }
+    for block in plan.layout.blocks() {
+        if let Kind::Custom(_) = block.kind {
+            let message = format!("the state `{}` cannot be compiled: its manifold is of another crate", block.name);
+            d.push(Diagnostic::error(message));
+        }
+    }
+    d.unless_errors(())
+}
