@@ -7,7 +7,7 @@
 use super::exact::{Exact, ExactModel};
 use crate::Time;
 use crate::geometry::wgs84::Geodetic;
-use crate::state::{Kind, Layout, Manifold, Quantity, Signal, Slot};
+use crate::state::{Block, Dynamics, Kind, Layout, Manifold, Quantity, Signal, Slot, StateRole};
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::format;
@@ -231,6 +231,49 @@ impl Literal for Geodetic {
 impl Literal for Kind {
     fn expression(&self, out: &mut String) {
         out.push_str(&format!("::fusion_core::state::Kind::{self:?}"));
+    }
+}
+
+impl Literal for StateRole {
+    fn expression(&self, out: &mut String) {
+        out.push_str(&format!("::fusion_core::state::StateRole::{self:?}"));
+    }
+}
+
+impl Literal for Dynamics {
+    fn expression(&self, out: &mut String) {
+        match self {
+            Self::Process | Self::Constant => out.push_str(&format!("::fusion_core::state::Dynamics::{self:?}")),
+            Self::RandomWalk { psd } => fields(out, "::fusion_core::state::Dynamics::RandomWalk", &[("psd", psd)]),
+            Self::GaussMarkov { sigma, tau } => {
+                fields(
+                    out,
+                    "::fusion_core::state::Dynamics::GaussMarkov",
+                    &[("sigma", sigma), ("tau", tau)],
+                );
+            }
+            Self::Integral { rate, psd } => {
+                fields(out, "::fusion_core::state::Dynamics::Integral", &[("rate", rate), ("psd", psd)]);
+            }
+        }
+    }
+}
+
+impl Literal for Block {
+    fn expression(&self, out: &mut String) {
+        let parts: [&dyn Literal; 10] = [
+            &self.name,
+            &self.kind,
+            &self.storage,
+            &self.tangent,
+            &self.role,
+            &self.dynamics,
+            &self.owner,
+            &self.unit,
+            &self.sigma,
+            &self.is_in_body_axes(),
+        ];
+        call(out, "::fusion_core::state::Block::from_literal", &parts);
     }
 }
 

@@ -4,15 +4,13 @@ use super::manifold::{Kind, Manifold, Vector, is_rotation};
 use super::name::QuantityName;
 use super::quantity::{Quantity, Signal, Slot};
 use super::space::Space;
-use crate::model::Literal;
 use alloc::borrow::ToOwned;
 use alloc::string::String;
 use alloc::vec::Vec;
 use thiserror::Error;
 
 /// How a block moves by itself between measurements.
-#[derive(Clone, Debug, PartialEq, Literal)]
-#[literal(at = "fusion_core::state")]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Dynamics {
     /// The process model moves it.
     Process,
@@ -42,8 +40,7 @@ pub enum Dynamics {
 }
 
 /// The purpose of a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Literal)]
-#[literal(at = "fusion_core::state")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StateRole {
     /// The motion: the process moves this block.
     Kinematic,
@@ -56,8 +53,7 @@ pub enum StateRole {
 }
 
 /// One named block of the state vector.
-#[derive(Clone, Debug, Literal)]
-#[literal(at = "fusion_core::state")]
+#[derive(Clone, Debug)]
 pub struct Block {
     /// Unique name, `owner.parameter` or the process's own name for it.
     pub name: String,
@@ -82,6 +78,36 @@ pub struct Block {
 }
 
 impl Block {
+    /// All fields in order.
+    #[doc(hidden)]
+    #[must_use]
+    #[expect(clippy::too_many_arguments, reason = "one per field")]
+    pub const fn from_literal(
+        name: String,
+        kind: Kind,
+        storage: usize,
+        tangent: usize,
+        role: StateRole,
+        dynamics: Dynamics,
+        owner: String,
+        unit: &'static str,
+        sigma: Vec<f64>,
+        in_body_axes: bool,
+    ) -> Self {
+        Self {
+            name,
+            kind,
+            storage,
+            tangent,
+            role,
+            dynamics,
+            owner,
+            unit,
+            sigma,
+            in_body_axes,
+        }
+    }
+
     /// Whether it is a vector resolved in body axes, such as the bias of a gyro: three numbers that
     /// turn with the body.
     #[must_use]
