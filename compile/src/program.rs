@@ -80,7 +80,7 @@ pub fn compile(design: &Design, name: &str, crates: &Path) -> Result<Program, Di
          pub fn assemble() -> Vehicle {{\n\
          {body}\
          }}\n",
-        description = design.run.description,
+        description = design.run.description.lines().collect::<Vec<_>>().join("\n//! "),
         version = provenance.version,
         file = provenance.design,
         hash = provenance.hash,
@@ -149,7 +149,7 @@ fn refuse(design: &Design, plan: &Plan) -> Result<(), Diagnostics> {
     for block in plan.layout.blocks() {
         if let Kind::Custom(_) = block.kind {
             let message = format!("the state `{}` cannot be compiled: its manifold is of another crate", block.name);
-            d.push(Diagnostic::error(message));
+            d.push(Diagnostic::error(message).help("use a block of this framework in a variant for the vehicle"));
         }
     }
     d.unless_errors(())

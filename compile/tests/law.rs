@@ -127,7 +127,7 @@ fn compiled_designs_have_the_estimates_of_their_runs() {
 
 /// The same for every shipped design that simulates its data, or that has no file to read.
 #[test]
-#[ignore = "it takes ten minutes"]
+#[ignore = "it builds a program for each of twenty designs"]
 fn every_shipped_design_that_can_be_compiled_has_the_estimates_of_its_run() {
     for part in [".", "backends", "published", "templates"] {
         for entry in std::fs::read_dir(Path::new(CONFIGS).join(part)).unwrap() {
@@ -143,9 +143,34 @@ fn every_shipped_design_that_can_be_compiled_has_the_estimates_of_its_run() {
 
 /// What cannot be compiled is refused, with its place and what to do.
 #[test]
-fn a_bank_and_rewinding_are_refused() {
-    let design = Path::new(CONFIGS).join("after-outage.toml");
-    let refused = recorded(&design, &folder("after-outage")).unwrap_err().to_string();
-    assert!(refused.contains("a bank of hypotheses cannot be compiled"), "{refused}");
-    assert!(refused.contains("after-outage.toml:19"), "{refused}");
+fn a_bank_and_rewinding_are_refused_at_their_places() {
+    let refused = |design: &str, set: &[&str]| {
+        let selection = Selection {
+            set: set.iter().map(|&value| value.to_owned()).collect(),
+            ..Selection::default()
+        };
+        let design = build(selection.load(Path::new(CONFIGS).join(design)).unwrap().document).unwrap();
+        compile(&design, "refused", Path::new(ROOT)).unwrap_err().to_string()
+    };
+    let bank = refused("after-outage.toml", &[]);
+    assert!(bank.contains("a bank of hypotheses cannot be compiled"), "{bank}");
+    assert!(bank.contains("after-outage.toml:19"), "{bank}");
+    let rewind = refused("ins-gps.toml", &["run.order=\"rewind\""]);
+    assert!(
+        rewind.contains("a filter that goes back for late rows cannot be compiled"),
+        "{rewind}"
+    );
+}
+
+/// A description of several lines stays a comment.
+#[test]
+fn a_description_of_several_lines_is_no_code() {
+    let selection = Selection {
+        set: vec!["run.description=\"\"\"one\nmod two;\"\"\"".to_owned()],
+        ..Selection::default()
+    };
+    let document = selection.load(Path::new(CONFIGS).join("ins-gps.toml")).unwrap().document;
+    let program = compile(&build(document).unwrap(), "lines", Path::new(ROOT)).unwrap();
+    let (_, library) = program.files.iter().find(|(path, _)| *path == "src/lib.rs").unwrap();
+    assert!(library.starts_with("//! one\n//! mod two;\n"), "{library}");
 }

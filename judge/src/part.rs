@@ -256,14 +256,19 @@ impl Head {
             same("platform", own.platform.clone(), other.platform.clone())?;
         }
         let all = |head: &Self| {
-            head.end
-                .map_or_else(|| "open".to_owned(), |end| format!("{} cases", end - head.kind.first()))
+            head.end.map_or_else(
+                || "open".to_owned(),
+                |end| format!("{} {}s", end - head.kind.first(), head.kind.unit()),
+            )
         };
-        same("list of cases", all(self), all(part))?;
+        same("number of all", all(self), all(part))?;
         // As bytes, because NaN is not equal to itself.
         match bytes(&self.shared)? == bytes(&part.shared)? {
             true => Ok(()),
-            false => same("list of cases", "not".to_owned(), "of other faults, sizes or limits".to_owned()),
+            false => match self.kind {
+                Kind::Tune => same("list of options", "not".to_owned(), "another one".to_owned()),
+                _ => same("list of cases", "not".to_owned(), "of other faults, sizes or limits".to_owned()),
+            },
         }
     }
 }

@@ -11,6 +11,10 @@ use crate::update;
 pub struct Kernel(Kind);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(
+    all(target_arch = "x86_64", not(feature = "std")),
+    expect(dead_code, reason = "without `std`, nothing tells what this processor supports")
+)]
 enum Kind {
     Portable,
     #[cfg(target_arch = "x86_64")]

@@ -21,6 +21,7 @@ use fusion_judge::tune::{
 };
 use fusion_tables::{Cell, Column, Page, Section, Table, short};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 #[derive(Debug, Args)]
@@ -116,7 +117,7 @@ fn write_part(args: &TuneArgs, design: &Design, logs: &[Log], settings: &Setting
     if numbers.end > end {
         return Err(Diagnostic::error(format!("there are the starts 0..{end}: `--runs` is beyond them")).into());
     }
-    let words = words();
+    let words = words()?;
     let quoted: Vec<String> = words.iter().map(|word| format!("'{}'", word.replace('\'', r"'\''"))).collect();
     let head = Head {
         again: format!("fusion tune {}", quoted.join(" ")),
@@ -132,6 +133,9 @@ fn write_part(args: &TuneArgs, design: &Design, logs: &[Log], settings: &Setting
     let began = Instant::now();
     let ends = searches(logs, &args.params, settings, numbers, &|runs, _| bar.at(runs, settings.most_runs))?;
     drop(bar);
+    if settings.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+        return Err(Diagnostic::error("the search was stopped before its end, so no part is written").into());
+    }
     let unwritable = |e: std::io::Error| Diagnostic::error(format!("`{}` cannot be written: {e}", path.display()));
     part::work(Some(path), |file| {
         let mut out = Writer::begin(file, &head).map_err(unwritable)?;
@@ -148,17 +152,21 @@ fn write_part(args: &TuneArgs, design: &Design, logs: &[Log], settings: &Setting
 }
 
 /// The words of the command line that all parts share.
-fn words() -> Vec<String> {
-    let mut given = std::env::args().skip_while(|word| word != "tune").skip(1);
+fn words() -> Result<Vec<String>, Diagnostic> {
+    let mut given = std::env::args_os().skip_while(|word| word != "tune").skip(1);
     let mut words = Vec::new();
     while let Some(word) = given.next() {
+        let word = word.into_string().map_err(|word| {
+            let error = Diagnostic::error(format!("`{}` is no Unicode text, so a part cannot contain it", word.display()));
+            error.help("name files and folders in Unicode")
+        })?;
         match word.as_str() {
             "--runs" | "--part" => drop(given.next()),
             own if own.starts_with("--runs=") || own.starts_with("--part=") => {}
             _ => words.push(word),
         }
     }
-    words
+    Ok(words)
 }
 
 /// The design with each log.

@@ -19,11 +19,28 @@ use fusion_core::model::Process;
 use fusion_core::runner::{Observer, Row, RunError, Runner, StreamId};
 use fusion_core::state::Layout;
 use fusion_models::solution::{Solution, SolutionReader};
+use thiserror::Error;
 
 pub use digest::Digest;
 pub use fusion_core;
 pub use fusion_models;
 pub use nalgebra;
+
+/// Why a row is not used.
+#[derive(Debug, Error)]
+pub enum FeedError {
+    /// There is no such stream.
+    #[error("there is no stream {stream}: the numbers are below {known}")]
+    Stream {
+        /// The number given.
+        stream: StreamId,
+        /// The number of streams.
+        known: usize,
+    },
+    /// The row has another width than its stream, or the observer could not go on.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
 
 /// The filter of one design.
 #[derive(Debug)]
@@ -49,17 +66,16 @@ impl Vehicle {
     /// Feeds a row of a stream, in SI with angles in radians. `observer` hears what it causes.
     ///
     /// # Errors
-    /// A row of another width than its stream has; an error of the observer.
-    pub fn feed(&mut self, stream: StreamId, time: Time, row: &[f64], observer: &mut dyn Observer) -> Result<(), RunError> {
-        let number = self.counts.get(stream).copied().unwrap_or_default();
+    /// [`FeedError`]; a row that is refused changes nothing.
+    pub fn feed(&mut self, stream: StreamId, time: Time, row: &[f64], observer: &mut dyn Observer) -> Result<(), FeedError> {
+        let known = self.counts.len();
+        let count = self.counts.get_mut(stream).ok_or(FeedError::Stream { stream, known })?;
         let row = Row {
-            number,
+            number: *count,
             ..Row::new(stream, time, row)
         };
         self.runner.feed(&row, observer)?;
-        if let Some(count) = self.counts.get_mut(stream) {
-            *count += 1;
-        }
+        *count += 1;
         Ok(())
     }
 

@@ -53,12 +53,6 @@ impl Plan {
         Filter::new(self.layout.clone(), self.process.clone(), self.backend, self.largest)
     }
 
-    /// A number made of everything that the design says of the filter.
-    #[must_use]
-    pub const fn fingerprint(&self) -> u64 {
-        self.fingerprint
-    }
-
     /// The runner that drives `estimator`.
     pub(super) fn assembly(self, estimator: Box<dyn Estimator>) -> Assembly {
         let mut runner = Runner::new(estimator, self.process.clone(), self.reorder);

@@ -233,7 +233,9 @@ class Design:
         tables = [{name: columns(name, table) for name, table in log.items()} for log in logs]
         params, others = list(params), [self.with_changes(start) for start in starts]
         searched = []
-        if executor is not None and others:
+        if executor is not None and not others:
+            raise ValueError("executor: it runs the searches from several starts, so give `starts` too")
+        if executor is not None:
             work = (self, params, tables, settle, most_runs, others)
             futures = [executor.submit(_search, *work, number) for number in range(len(others) + 1)]
             searched = [end for future in futures for end in future.result()]
