@@ -8,15 +8,23 @@ use fusion_core::filter::{ChartKind, UpdateKind};
 use fusion_core::model::Literal;
 use fusion_core::runner::{InitialiserUnit, Sensor, StageUnit};
 
-/// Why a plan cannot be written: what has no literal.
-pub(crate) struct Unwritten(pub(crate) String);
+/// A part of a plan that has no expression.
+pub(crate) struct Unwritten {
+    /// The part, for a message.
+    pub(crate) what: String,
+    /// Its table in the design.
+    pub(crate) table: String,
+    /// What to do.
+    pub(crate) help: &'static str,
+}
 
-/// The expression of a model.
-fn of(model: Option<&dyn Literal>, what: &str, name: &str) -> Result<String, Unwritten> {
-    match model {
-        Some(model) => Ok(text(model)),
-        None => Err(Unwritten(format!("{what} `{name}`"))),
-    }
+/// The expression of a model of the block that `table` declares.
+fn of(model: Option<&dyn Literal>, what: &str, table: String) -> Result<String, Unwritten> {
+    model.map(text).ok_or_else(|| Unwritten {
+        what: format!("{what} of `{table}`"),
+        table,
+        help: "derive `Literal` for its model, and write `literal!()` in the trait of its role; a filter inside a stage has no literal",
+    })
 }
 
 fn text(value: &dyn Literal) -> String {
@@ -33,7 +41,7 @@ pub(crate) fn body(plan: &Plan) -> Result<String, Unwritten> {
         let _ = writeln!(out, "    {text}");
     };
     line(format!("let layout = Arc::new({});", text(plan.layout.as_ref())));
-    let process = of(plan.process.literal(), "the process", "process")?;
+    let process = of(plan.process.literal(), "the model", "process".to_owned())?;
     line(format!("let process: Arc<dyn Process> = Arc::new({process});"));
     line(format!("let parts = {};", parts(plan)?));
     let (value, residual) = (plan.largest.value, plan.largest.residual);
@@ -78,7 +86,11 @@ pub(crate) fn body(plan: &Plan) -> Result<String, Unwritten> {
 /// The parts of the filter. Only those that it uses are linked.
 fn parts(plan: &Plan) -> Result<String, Unwritten> {
     let backend = &plan.backend;
-    let custom = |what: &str, name: &str| Unwritten(format!("the {what} `{name}` of another crate"));
+    let custom = |what: &str, name: &str| Unwritten {
+        what: format!("the {what} `{name}` of another crate"),
+        table: "filter".to_owned(),
+        help: "use one of this framework in a variant for the vehicle",
+    };
     let chart = match backend.chart {
         ChartKind::AdditiveEuler => "AdditiveEuler".to_owned(),
         ChartKind::AdditiveQuaternion => "AdditiveQuaternion".to_owned(),
@@ -125,10 +137,10 @@ fn parts(plan: &Plan) -> Result<String, Unwritten> {
 }
 
 fn of_sensor(sensor: &Sensor) -> Result<String, Unwritten> {
-    let name = &sensor.name;
-    let model = of(sensor.model.literal(), "the sensor", name)?;
-    let gate = of(sensor.gate.literal(), "the gate of the sensor", name)?;
-    let loss = of(sensor.loss.literal(), "the loss of the sensor", name)?;
+    let (name, table) = (&sensor.name, format!("sensor.{}", sensor.name));
+    let model = of(sensor.model.literal(), "the model", table.clone())?;
+    let gate = of(sensor.gate.literal(), "the gate", table.clone())?;
+    let loss = of(sensor.loss.literal(), "the loss", table)?;
     Ok(format!(
         "Sensor {{ name: {}, model: Arc::new({model}), port: {}, offset: {}, constant: {}, noise: {}, quality: {}, \
          gate: Box::new({gate}), loss: Arc::new({loss}) }}",
@@ -142,7 +154,7 @@ fn of_sensor(sensor: &Sensor) -> Result<String, Unwritten> {
 }
 
 fn of_stage(unit: &StageUnit) -> Result<String, Unwritten> {
-    let (name, stage) = (&unit.name, of(unit.stage.literal(), "the stage", &unit.name)?);
+    let (name, stage) = (&unit.name, of(unit.stage.literal(), "the model", format!("stage.{}", unit.name))?);
     Ok(format!(
         "StageUnit {{ name: {}, stage: Box::new({stage}), inputs: {}, output: {} }}",
         text(name),
@@ -152,7 +164,7 @@ fn of_stage(unit: &StageUnit) -> Result<String, Unwritten> {
 }
 
 fn of_initialiser(unit: &InitialiserUnit) -> Result<String, Unwritten> {
-    let (name, initialiser) = (&unit.name, of(unit.initialiser.literal(), "the initialiser", &unit.name)?);
+    let (name, initialiser) = (&unit.name, of(unit.initialiser.literal(), "the model", unit.name.clone())?);
     Ok(format!(
         "InitialiserUnit {{ name: {}, initialiser: Box::new({initialiser}), inputs: {} }}",
         text(name),

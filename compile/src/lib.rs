@@ -5,11 +5,11 @@
 //! ```
 //!
 //! The program has one function, `assemble`, which calls the constructors of the blocks with their numbers, bit by bit.
-//! It needs `fusion-vehicle` alone, and no `std`. With the same rows, its estimates are those of the design with the
-//! kernel `portable`, to the bit, if both use the same mathematics: the feature `libm`.
+//! It depends on `fusion-vehicle` and the crates below it, and needs no `std`. With the same rows, its estimates are
+//! those of the design with the kernel `portable`, to the bit, if both use the same mathematics: `std` or `libm`.
 //!
-//! Not here   banks of hypotheses, filters inside stages, going back for late rows, blocks without a literal: such a
-//!            design is refused by the name of what it has
+//! Not here   banks of hypotheses, filters inside stages, going back for late rows, blocks without a literal: a design
+//!            with one of them is refused, and the error names it
 
 mod assemble;
 mod program;

@@ -1,7 +1,7 @@
 //! The files of a compiled design.
 
 use crate::assemble::{Unwritten, body};
-use fusion::assembly::{Plan, declared_streams, plan};
+use fusion::assembly::{Plan, StreamLayout, declared_streams, plan};
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::design::{Design, OrderSpec};
 use fusion::provenance::Provenance;
@@ -40,15 +40,21 @@ impl Program {
 /// Compiles a design. `crates` is the folder with the crates of this framework, for the dependency on `fusion-vehicle`.
 ///
 /// # Errors
-/// The mistakes of the design; what it has that no program can be written for, by its name.
+/// The mistakes of the design; each part of it that no program can be written for, with its place.
 pub fn compile(design: &Design, name: &str, crates: &Path) -> Result<Program, Diagnostics> {
     let plan = plan(design, declared_streams(design)?)?;
     refuse(design, &plan)?;
-    let body = body(&plan).map_err(|Unwritten(what)| {
-        let error = Diagnostic::error(format!("{what} cannot be compiled: it has no literal"));
-        error.help("derive `Literal` for its model, and name it by `literal!()` in the trait of its role; a filter inside a stage has none")
+    let body = body(&plan).map_err(|Unwritten { what, table, help }| {
+        let path: Vec<&str> = table.split('.').collect();
+        refusal(design, &path, format!("{what} cannot be compiled"), help)
     })?;
     let provenance = Provenance::of(design, None);
+    let rows: String = plan
+        .streams
+        .iter()
+        .enumerate()
+        .map(|(number, stream)| row(number, stream))
+        .collect();
     let streams: Vec<String> = plan.streams.iter().map(|s| format!("({:?}, {})", s.name, s.width())).collect();
     let library = format!(
         "//! {description}\n\
@@ -72,7 +78,9 @@ pub fn compile(design: &Design, name: &str, crates: &Path) -> Result<Program, Di
          /// The hash of the design.\n\
          pub const DESIGN: &str = {hash:?};\n\
          \n\
-         /// The streams in order of their numbers: their names, and the count of numbers in a row.\n\
+         /// The streams in order of their numbers: their names, and the count of numbers in a row. In SI, angles in radians:\n\
+         ///\n\
+         {rows}\
          pub const STREAMS: [(&str, usize); {count}] = [{streams}];\n\
          \n\
          /// The filter, before its first row.\n\
@@ -122,17 +130,25 @@ pub fn compile(design: &Design, name: &str, crates: &Path) -> Result<Program, Di
     })
 }
 
+/// The line of the documentation that says what a row of a stream is.
+fn row(number: usize, stream: &StreamLayout) -> String {
+    let channels: Vec<String> = stream.channels.iter().map(|c| format!("{} × `{}`", c.width, c.name)).collect();
+    format!("/// - {number}, `{}`: {}\n", stream.name, channels.join(", "))
+}
+
+/// An error at the place of a table or key, as far as the file has it.
+fn refusal(design: &Design, path: &[&str], message: String, help: &str) -> Diagnostic {
+    let node = path.iter().try_fold(design.document.root(), |node, key| node.get(key));
+    let error = Diagnostic::error(message).help(help.to_owned());
+    match node {
+        Some(node) => error.at(node.place()),
+        None => error,
+    }
+}
+
 /// Refuses what no program can be written for.
 fn refuse(design: &Design, plan: &Plan) -> Result<(), Diagnostics> {
-    let at = |path: &[&str], message: String, help: &str| {
-        let root = design.document.root();
-        let node = path.iter().try_fold(root, |node, key| node.get(key));
-        let error = Diagnostic::error(message).help(help.to_owned());
-        match node {
-            Some(node) => error.at(node.place()),
-            None => error,
-        }
-    };
+    let at = |path: &[&str], message: String, help: &str| refusal(design, path, message, help);
     let mut d = Diagnostics::new();
     if design.filter.bank.is_some() {
         let help = "leave `bank` out in a variant for the vehicle: one hypothesis";

@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 use fusion::Selection;
-use fusion::config::Diagnostics;
+use fusion::config::{Diagnostics, Document};
 use fusion::observe::{RunEvent, RunObserver};
 use fusion::run::examine::build;
 use fusion::run::{Options, run_sharing};
@@ -57,7 +57,7 @@ impl RunObserver for Recorded {
     }
 }
 
-/// A run of the design with the kernel `portable`, and its program in `folder`; `None` if the design cannot be compiled.
+/// A run of the design with the kernel `portable`, after its program was written to `folder`.
 fn recorded(design: &Path, folder: &Path) -> Result<Recorded, Diagnostics> {
     // A run that draws its start has another start than the design declares.
     let selection = Selection {
@@ -160,6 +160,36 @@ fn a_bank_and_rewinding_are_refused_at_their_places() {
         rewind.contains("a filter that goes back for late rows cannot be compiled"),
         "{rewind}"
     );
+}
+
+/// A filter inside a stage has no literal: the error is at its table.
+#[test]
+fn a_filter_inside_a_stage_is_refused_at_its_place() {
+    let text = "[process]
+type = 'attitude_only'
+source = 'inner'
+gyro_noise = 1e-2
+[initial.start]
+type = 'explicit'
+attitude = [0, 0, 0]
+attitude_sigma = 1
+[stage.inner]
+type = 'filter'
+[stage.inner.process]
+type = 'attitude_only'
+source = 'imu'
+gyro_noise = 1e-3
+[stage.inner.initial.start]
+type = 'explicit'
+attitude = [0, 0, 0]
+attitude_sigma = 1
+";
+    let (document, _) = Document::parse("nested.toml", text);
+    let refused = compile(&build(document).unwrap(), "nested", Path::new(ROOT))
+        .unwrap_err()
+        .to_string();
+    assert!(refused.contains("the model of `stage.inner` cannot be compiled"), "{refused}");
+    assert!(refused.contains("nested.toml:9"), "{refused}");
 }
 
 /// A description of several lines stays a comment.
