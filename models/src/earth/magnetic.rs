@@ -85,6 +85,7 @@ pub fn world_model(_: &fusion_core::geometry::wgs84::Geodetic, _: &str) -> Resul
 #[cfg(all(test, feature = "wmm"))]
 mod tests {
     use super::*;
+    use fusion_core::geometry::wgs84::Geodetic;
 
     /// Day, height \[km\], latitude, longitude \[deg\]; X, Y, Z \[nT\]. Source: NOAA's WMM2025_TEST_VALUES.txt in
     /// WMM2025COF.zip, which is table 6 of the WMM2025 report. The last half of the rows are for 2027.5.
