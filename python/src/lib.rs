@@ -26,7 +26,7 @@ mod _fusion {
     #[pymodule_export]
     use super::sensor::declare_sensor;
     #[pymodule_export]
-    use super::tuning::Tuned;
+    use super::tuning::{Logs, Tuned};
 
     use super::{Bound, PyModule, PyResult};
     use pyo3::types::PyModuleMethods;

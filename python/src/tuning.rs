@@ -18,8 +18,15 @@ pub(crate) struct Tuned(Result);
 /// Designs with other values of the parameters, from which the search starts too.
 type Starts<'py> = Vec<PyRef<'py, Design>>;
 
+/// The logs of a tuning. Their rows are decoded by the first run that needs them, and kept.
+#[pyclass(frozen, module = "fusion._fusion")]
+#[derive(Debug)]
+pub(crate) struct Logs(Vec<Log>);
+
+#[pymethods]
 impl Design {
-    fn logs(&self, logs: Vec<Bound<'_, PyDict>>) -> PyResult<Vec<Log>> {
+    /// Logs: dicts of rows in place of files.
+    fn logs(&self, logs: Vec<Bound<'_, PyDict>>) -> PyResult<Logs> {
         let mut all = Vec::new();
         for rows in logs {
             let mut options = Options {
@@ -32,7 +39,7 @@ impl Design {
                 options,
             });
         }
-        Ok(all)
+        Ok(Logs(all))
     }
 }
 
@@ -62,22 +69,22 @@ fn documents(starts: &Starts<'_>) -> Vec<Document> {
 
 #[pymethods]
 impl Design {
-    /// Tunes the noises whose paths match, on each of `logs`: dicts of rows in place of files. `searched` has the ends of
-    /// the searches from all starts, if other processes found them.
+    /// Tunes the noises whose paths match, on each of `logs`. `searched` has the ends of the searches from all starts, if
+    /// other processes found them.
     #[pyo3(signature = (params, logs, settle, folds, most_runs, starts, searched))]
     #[expect(clippy::too_many_arguments, reason = "Python's side has names for them")]
     fn tune(
         &self,
         py: Python<'_>,
         params: Vec<String>,
-        logs: Vec<Bound<'_, PyDict>>,
+        logs: PyRef<'_, Logs>,
         settle: f64,
         folds: usize,
         most_runs: u64,
         starts: Starts<'_>,
         searched: Vec<(Vec<f64>, u64)>,
     ) -> PyResult<Tuned> {
-        let logs = self.logs(logs)?;
+        let logs = &logs.0;
         let settings = Settings {
             settle,
             folds,
@@ -86,7 +93,7 @@ impl Design {
             searched: searched.into_iter().map(|(theta, runs)| Searched { theta, runs }).collect(),
             ..Settings::default()
         };
-        searching(py, settings, |settings, look| tune(&logs, &params, settings, look)).map(Tuned)
+        searching(py, settings, |settings, look| tune(logs, &params, settings, look)).map(Tuned)
     }
 
     /// The end of the search from the start of this number.
@@ -96,13 +103,13 @@ impl Design {
         &self,
         py: Python<'_>,
         params: Vec<String>,
-        logs: Vec<Bound<'_, PyDict>>,
+        logs: PyRef<'_, Logs>,
         settle: f64,
         most_runs: u64,
         starts: Starts<'_>,
         number: u64,
     ) -> PyResult<Vec<(Vec<f64>, u64)>> {
-        let logs = self.logs(logs)?;
+        let logs = &logs.0;
         let settings = Settings {
             settle,
             most_runs,
@@ -110,7 +117,7 @@ impl Design {
             ..Settings::default()
         };
         let ends = searching(py, settings, |settings, look| {
-            searches(&logs, &params, settings, number..number + 1, look)
+            searches(logs, &params, settings, number..number + 1, look)
         })?;
         Ok(ends.into_iter().map(|end| (end.theta, end.runs)).collect())
     }

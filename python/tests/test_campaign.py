@@ -1,6 +1,7 @@
 """Campaigns: any split, any order, any number of workers, a worker killed: the same bytes."""
 
 import os
+import pickle
 import random
 import signal
 import threading
@@ -101,3 +102,16 @@ def test_a_worker_of_dask_that_is_killed_changes_nothing(whole):
             thread.join()
             assert killed and killed[0] < ended, "the campaign ended before the kill"
             assert result.to_csv() == expected
+
+
+def test_a_worker_reads_a_design_once_and_refuses_another_one(tmp_path):
+    file = tmp_path / "design.toml"
+    file.write_text(SIMULATED)
+    design = fusion.Design(file)
+    sent = pickle.dumps(design)
+    assert pickle.loads(sent) is pickle.loads(sent)
+    changed = fusion.Design(file, set={"sensor.position.noise": "3 m"})
+    assert pickle.loads(pickle.dumps(changed)).hash == changed.hash != design.hash
+    file.write_text(SIMULATED.replace('duration = "10 s"', 'duration = "20 s"'))
+    with pytest.raises(fusion.FusionError, match="design.toml.*has changed since"):
+        pickle.loads(sent)

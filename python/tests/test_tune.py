@@ -1,9 +1,11 @@
 """Noises from innovations."""
 
+import pickle
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 import fusion
+from fusion._design import _Searches
 
 from conftest import SIMULATED
 
@@ -30,3 +32,12 @@ def test_searches_from_several_starts_give_the_same_result_on_workers():
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
         spread = design.tune(params=["sensor.position.noise"], starts=starts, executor=executor)
     assert spread.found == alone.found and spread.gain == alone.gain
+
+
+def test_a_worker_decodes_the_logs_of_its_searches_once():
+    design = fusion.Design(WORLD)
+    work = _Searches(design, ["sensor.position.noise"], [{}], 0.0, 10, [])
+    sent = pickle.dumps(work)
+    assert pickle.loads(sent).logs is pickle.loads(sent).logs
+    other = pickle.dumps(_Searches(design, ["sensor.position.noise"], [{}], 0.0, 20, []))
+    assert pickle.loads(other).logs is not pickle.loads(sent).logs

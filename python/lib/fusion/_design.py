@@ -72,7 +72,7 @@ class Design:
         return made
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (_again, self._native.arguments())
+        return (_once, (_sent, self.hash, (self.hash, *self._native.arguments())))
 
     @property
     def description(self) -> str:
@@ -165,7 +165,7 @@ class Design:
             Any executor of ``concurrent.futures``, or a client of Dask: the runs are split among its workers. A part whose
             worker is lost is computed again by the executor, or raises its exception here.
         chunk
-            Runs in each part; by default about four parts for each worker of an executor.
+            Runs in each part; by default about 16 parts for each worker of an executor.
         threads
             Without an executor: the number of threads; 0 for one per core.
         progress
@@ -232,15 +232,14 @@ class Design:
         logs = [rows or {}] if rows is None or isinstance(rows, Mapping) else list(rows)
         tables = [{name: columns(name, table) for name, table in log.items()} for log in logs]
         params, others = list(params), [self.with_changes(start) for start in starts]
+        work = _Searches(self, params, tables, settle, most_runs, others)
         searched = []
         if executor is not None and not others:
             raise ValueError("executor: it runs the searches from several starts, so give `starts` too")
         if executor is not None:
-            work = (self, params, tables, settle, most_runs, others)
-            futures = [executor.submit(_search, *work, number) for number in range(len(others) + 1)]
+            futures = [executor.submit(work.end, number) for number in range(len(others) + 1)]
             searched = [end for future in futures for end in future.result()]
-        natives = [other._native for other in others]
-        return Tuned(self, self._native.tune(params, tables, settle, folds, most_runs, natives, searched))
+        return Tuned(self, self._native.tune(params, work.logs, settle, folds, most_runs, work.starts, searched))
 
     def __repr__(self) -> str:
         path, text, *_ = self._native.arguments()
@@ -294,15 +293,52 @@ class Tuned:
         return "<fusion.Tuned\n  " + "\n  ".join(rows) + f"\n  gain {self.gain:.1f} nats on hidden parts>"
 
 
-def _search(
-    design: Design, params: list[str], tables: Any, settle: float, most_runs: int, starts: list[Design], number: int
-) -> list[tuple[list[float], int]]:
-    """The end of the search from one start: the work of one worker."""
-    return design._native.search(params, tables, settle, most_runs, [start._native for start in starts], number)
+class _Searches:
+    """The searches of `Design.tune`. A worker decodes the logs once for all that it does of them."""
+
+    def __init__(
+        self, design: Design, params: list[str], tables: Any, settle: float, most_runs: int, starts: list[Design]
+    ):
+        import os
+
+        self._key = os.urandom(16).hex()
+        self._arguments = (design, params, tables, settle, most_runs, starts)
+        self.logs = design._native.logs(tables)
+        self.starts = [start._native for start in starts]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (_once, (_Searches, self._key, self._arguments))
+
+    def end(self, number: int) -> list[tuple[list[float], int]]:
+        """The end of the search from the start of this number: the work of one worker."""
+        design, params, _, settle, most_runs, _ = self._arguments
+        return design._native.search(params, self.logs, settle, most_runs, self.starts, number)
 
 
-def _again(*arguments: Any) -> Design:
-    return Design._of(*arguments)
+def _sent(hash: str, *arguments: Any) -> Design:
+    """The design of another process. Its file must not have changed since."""
+    design = Design._of(*arguments)
+    if design.hash != hash:
+        path, text, *_ = arguments
+        name = "the text" if text is not None else str(path)
+        raise _fusion.FusionError(
+            f"{name}: this worker reads the design {design.hash}, and the caller has {hash}. "
+            "The file has changed since, or the worker has another version: read it again, and start the workers again"
+        )
+    return design
+
+
+#: What this process has made of pickles, the last of each kind: many tasks bring the same work to a worker.
+_made: dict[Any, tuple[str, Any]] = {}
+
+
+def _once(make: Any, key: str, arguments: tuple[Any, ...]) -> Any:
+    """What `make` makes of the arguments, made once for tasks that follow each other with the same key."""
+    known, made = _made.get(make, (None, None))
+    if known != key:
+        made = make(*arguments)
+        _made[make] = (key, made)
+    return made
 
 
 def _nothing() -> None:

@@ -60,10 +60,11 @@ class Design:
         self, rows: _Rows, seed: int | None, smooth: str | None, out: str | None, tick: Callable[[], object]
     ) -> Finished: ...
     def montecarlo(self, from_: int, to: int, seed: int, threads: int) -> Campaign: ...
+    def logs(self, logs: list[_Rows]) -> Logs: ...
     def tune(
         self,
         params: list[str],
-        logs: list[_Rows],
+        logs: Logs,
         settle: float,
         folds: int,
         most_runs: int,
@@ -71,8 +72,11 @@ class Design:
         searched: list[tuple[list[float], int]],
     ) -> Tuned: ...
     def search(
-        self, params: list[str], logs: list[_Rows], settle: float, most_runs: int, starts: list[Design], number: int
+        self, params: list[str], logs: Logs, settle: float, most_runs: int, starts: list[Design], number: int
     ) -> list[tuple[list[float], int]]: ...
+
+@final
+class Logs: ...
 
 @final
 class Finished:
