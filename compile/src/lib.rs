@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! Design ─ plan ─▶ blocks, built and connected ─ literals ─▶ Program: Cargo.toml, src/lib.rs
+//!                                                  and for C: src/interface.rs, fusion.h
 //! ```
 //!
 //! The program has one function, `assemble`, which calls the constructors of the blocks with their numbers, bit by bit.
@@ -12,6 +13,9 @@
 //!            with one of them is refused, and the error names it
 
 mod assemble;
+mod interface;
 mod program;
+mod record;
 
-pub use program::{Program, compile};
+pub use program::{Program, Target, compile};
+pub use record::record;

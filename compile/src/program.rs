@@ -1,6 +1,7 @@
 //! The files of a compiled design.
 
 use crate::assemble::{Unwritten, body};
+use crate::interface;
 use fusion::assembly::{Plan, StreamLayout, declared_streams, plan};
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::design::{Design, OrderSpec};
@@ -12,6 +13,16 @@ use std::path::Path;
 
 /// A program of the host that replays rows.
 const REPLAY: &str = include_str!("replay.rs.txt");
+
+/// The use of the written crate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Target {
+    /// A program in Rust.
+    #[default]
+    Rust,
+    /// A library and a header for a program in C or C++.
+    C,
+}
 
 /// A Rust crate that assembles the filter of a design.
 #[derive(Clone, Debug)]
@@ -41,7 +52,7 @@ impl Program {
 ///
 /// # Errors
 /// The mistakes of the design; each part of it that no program can be written for, with its place.
-pub fn compile(design: &Design, name: &str, crates: &Path) -> Result<Program, Diagnostics> {
+pub fn compile(design: &Design, name: &str, crates: &Path, target: Target) -> Result<Program, Diagnostics> {
     let plan = plan(design, declared_streams(design)?)?;
     refuse(design, &plan)?;
     let body = body(&plan).map_err(|Unwritten { what, table, help }| {
@@ -62,10 +73,11 @@ pub fn compile(design: &Design, name: &str, crates: &Path) -> Result<Program, Di
          //! Written by `fusion compile` {version} from {file}, design {hash}. Changes are lost when it is written again.\n\
          \n\
          #![no_std]\n\
-         #![forbid(unsafe_code)]\n\
+         #![{lint}(unsafe_code)]\n\
          #![allow(clippy::all, unused_imports)]\n\
          \n\
          extern crate alloc;\n\
+         {interface}\
          \n\
          use alloc::boxed::Box;\n\
          use alloc::sync::Arc;\n\
@@ -77,6 +89,9 @@ pub fn compile(design: &Design, name: &str, crates: &Path) -> Result<Program, Di
          \n\
          /// The hash of the design.\n\
          pub const DESIGN: &str = {hash:?};\n\
+         \n\
+         /// The hash of what the design says of its filter: the checkpoints of this filter have it.\n\
+         pub const FINGERPRINT: u64 = {fingerprint:#018x};\n\
          \n\
          /// The streams in order of their numbers: their names, and the count of numbers in a row. In SI, angles in radians:\n\
          ///\n\
@@ -92,10 +107,55 @@ pub fn compile(design: &Design, name: &str, crates: &Path) -> Result<Program, Di
         version = provenance.version,
         file = provenance.design,
         hash = provenance.hash,
+        fingerprint = plan.fingerprint(),
+        lint = if target == Target::C { "deny" } else { "forbid" },
+        interface = if target == Target::C {
+            "\n#[allow(unsafe_code)]\nmod interface;\n"
+        } else {
+            ""
+        },
         count = streams.len(),
         streams = streams.join(", "),
     );
-    let manifest = format!(
+    let mut files = vec![("Cargo.toml", manifest(name, crates, target)), ("src/lib.rs", library)];
+    match target {
+        Target::Rust => files.push(("examples/replay.rs", REPLAY.replace("FILTER", &name.replace('-', "_")))),
+        Target::C => files.extend(interface::files(design, &plan, name, &provenance)),
+    }
+    Ok(Program {
+        name: name.to_owned(),
+        files,
+    })
+}
+
+/// The manifest of the crate.
+fn manifest(name: &str, crates: &Path, target: Target) -> String {
+    let (core, models, vehicle, abi) = (
+        crates.join("fusion-core"),
+        crates.join("models"),
+        crates.join("vehicle"),
+        crates.join("abi"),
+    );
+    let (kind, dependency, of) = match target {
+        Target::Rust => ("", String::new(), "fusion-vehicle"),
+        // A library for C cannot unwind.
+        Target::C => (
+            "[lib]\n\
+             crate-type = [\"staticlib\"]\n\
+             \n\
+             [profile.release]\n\
+             panic = \"abort\"\n\
+             lto = \"fat\"\n\
+             codegen-units = 1\n\
+             \n\
+             [profile.dev]\n\
+             panic = \"abort\"\n\
+             \n",
+            format!("fusion-abi = {{ path = {abi:?}, default-features = false }}\n"),
+            "fusion-abi",
+        ),
+    };
+    format!(
         "# Written by `fusion compile`.\n\
          [workspace]\n\
          \n\
@@ -104,7 +164,9 @@ pub fn compile(design: &Design, name: &str, crates: &Path) -> Result<Program, Di
          version = \"0.1.0\"\n\
          edition = \"2024\"\n\
          \n\
+         {kind}\
          [dependencies]\n\
+         {dependency}\
          fusion-core = {{ path = {core:?}, default-features = false }}\n\
          fusion-models = {{ path = {models:?}, default-features = false }}\n\
          fusion-vehicle = {{ path = {vehicle:?}, default-features = false }}\n\
@@ -113,27 +175,21 @@ pub fn compile(design: &Design, name: &str, crates: &Path) -> Result<Program, Di
          [features]\n\
          default = [\"libm\"]\n\
          # Mathematics by the crate `libm`: the same bits on every platform.\n\
-         libm = [\"fusion-vehicle/libm\"]\n\
+         libm = [\"{of}/libm\"]\n\
          # Mathematics of the standard library, as `fusion run` without its feature `libm`.\n\
-         std = [\"fusion-vehicle/std\"]\n",
-        core = crates.join("fusion-core"),
-        models = crates.join("models"),
-        vehicle = crates.join("vehicle"),
-    );
-    Ok(Program {
-        name: name.to_owned(),
-        files: vec![
-            ("Cargo.toml", manifest),
-            ("src/lib.rs", library),
-            ("examples/replay.rs", REPLAY.replace("FILTER", &name.replace('-', "_"))),
-        ],
-    })
+         std = [\"{of}/std\"]\n",
+    )
 }
 
 /// The line of the documentation that says what a row of a stream is.
 fn row(number: usize, stream: &StreamLayout) -> String {
+    format!("/// - {number}, `{}`: {}\n", stream.name, channels(stream))
+}
+
+/// The channels of a row, in their order.
+pub(crate) fn channels(stream: &StreamLayout) -> String {
     let channels: Vec<String> = stream.channels.iter().map(|c| format!("{} × `{}`", c.width, c.name)).collect();
-    format!("/// - {number}, `{}`: {}\n", stream.name, channels.join(", "))
+    channels.join(", ")
 }
 
 /// An error at the place of a table or key, as far as the file has it.

@@ -2,15 +2,18 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
-use fusion::Selection;
+use fusion::assembly::StreamLayout;
 use fusion::config::{Diagnostics, Document};
-use fusion::observe::{RunEvent, RunObserver};
+use fusion::design::Design;
+use fusion::models::solution::{Solution, sigmas};
+use fusion::run::Options;
 use fusion::run::examine::build;
-use fusion::run::{Options, run_sharing};
-use fusion_compile::compile;
+use fusion::{Navigator, Selection};
+use fusion_compile::{Target, compile, record};
+use fusion_core::Time;
+use fusion_core::checkpoint::Fnv;
 use fusion_core::covariance::Kernel;
-use fusion_core::runner::Halt;
-use fusion_models::sim::SharedCourse;
+use fusion_core::runner::Event;
 use fusion_vehicle::Digest;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -28,37 +31,8 @@ const DESIGNS: [&str; 5] = [
     "templates/person.toml",
 ];
 
-/// The rows that went to a filter, as a compiled one reads them, and its estimates.
-#[derive(Default)]
-struct Recorded {
-    rows: Vec<u8>,
-    digest: Digest,
-}
-
-impl std::fmt::Debug for Recorded {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} bytes, {:?}", self.rows.len(), self.digest)
-    }
-}
-
-impl RunObserver for Recorded {
-    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
-        match event {
-            RunEvent::Row(row) => {
-                let stream = u32::try_from(row.stream)?;
-                self.rows.extend(stream.to_le_bytes());
-                self.rows.extend(row.time.nanos().to_le_bytes());
-                self.rows.extend(row.values.iter().flat_map(|value| value.to_le_bytes()));
-            }
-            RunEvent::Estimate { filter, belief, .. } if filter.number == 0 => self.digest.add(belief),
-            _ => {}
-        }
-        Ok(())
-    }
-}
-
-/// A run of the design with the kernel `portable`, after its program was written to `folder`.
-fn recorded(design: &Path, folder: &Path) -> Result<Recorded, Diagnostics> {
+/// The design with the kernel `portable`.
+fn portable(design: &Path) -> Result<Design, Diagnostics> {
     // A run that draws its start has another start than the design declares.
     let selection = Selection {
         set: vec!["simulation.draw_start=false".to_owned()],
@@ -66,12 +40,22 @@ fn recorded(design: &Path, folder: &Path) -> Result<Recorded, Diagnostics> {
     };
     let mut design = build(selection.load(design)?.document)?;
     design.filter.kernel = Some(Kernel::PORTABLE);
+    Ok(design)
+}
+
+/// Writes the program of a design to a folder.
+fn written(design: &Design, folder: &Path, target: Target) -> Result<(), Diagnostics> {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
-    let program = compile(&design, &name, &Path::new(ROOT).canonicalize().unwrap())?;
+    let program = compile(design, &name, &Path::new(ROOT).canonicalize().unwrap(), target)?;
     program.write(folder).unwrap();
-    let mut recorded = Recorded::default();
-    run_sharing(&design, &Options::default(), &SharedCourse::default(), &mut [&mut recorded])?;
-    Ok(recorded)
+    Ok(())
+}
+
+/// The rows of a run of the design, and its estimates.
+fn recorded(design: &Design) -> Result<(Vec<u8>, Digest), Diagnostics> {
+    let mut rows = Vec::new();
+    let digest = record(design, Options::default(), &mut rows)?;
+    Ok((rows, digest))
 }
 
 /// What the program of the host prints for these rows.
@@ -104,16 +88,122 @@ fn folder(design: &str) -> PathBuf {
 
 /// Compares a compiled design with its run.
 fn holds(design: &Path, folder: &Path) {
-    let recorded = recorded(design, folder).unwrap_or_else(|d| panic!("{}: {d}", design.display()));
-    std::fs::write(folder.join("rows.bin"), &recorded.rows).unwrap();
-    let Digest { count, hash } = recorded.digest;
+    let made = portable(design).and_then(|portable| {
+        written(&portable, folder, Target::Rust)?;
+        recorded(&portable)
+    });
+    let (rows, digest) = made.unwrap_or_else(|d| panic!("{}: {d}", design.display()));
+    let (count, hash) = (digest.count, digest.hash());
     assert!(count > 10, "{}: {count}", design.display());
-    assert_eq!(
-        replayed(folder, &recorded.rows),
-        format!("{count} {hash:016x}\n"),
-        "{}",
-        design.display()
-    );
+    assert_eq!(replayed(folder, &rows), format!("{count} {hash:016x}\n"), "{}", design.display());
+}
+
+/// A row of a record, and the bytes of it.
+struct Recorded<'a> {
+    stream: usize,
+    time: Time,
+    row: Vec<f64>,
+    bytes: &'a [u8],
+}
+
+fn rows<'a>(mut bytes: &'a [u8], widths: &[usize]) -> Vec<Recorded<'a>> {
+    let mut rows = Vec::new();
+    while let Some((stream, rest)) = bytes.split_first_chunk() {
+        let stream = u32::from_le_bytes(*stream) as usize;
+        let (time, rest) = rest.split_first_chunk().unwrap();
+        let (numbers, rest) = rest.split_at(8 * widths[stream]);
+        let values = numbers.as_chunks::<8>().0.iter().map(|number| f64::from_le_bytes(*number));
+        rows.push(Recorded {
+            stream,
+            time: Time::from_nanos(i64::from_le_bytes(*time)),
+            row: values.collect(),
+            bytes: &bytes[..bytes.len() - rest.len()],
+        });
+        bytes = rest;
+    }
+    rows
+}
+
+/// The numbers that C reads of a solution.
+fn numbers(solution: &Solution) -> Vec<f64> {
+    let (place, p) = solution.position.unwrap_or_default();
+    let (velocity, v) = solution.velocity.unwrap_or_default();
+    let (attitude, a) = solution.attitude.unwrap();
+    let mut all = vec![place.lat, place.lon, place.height];
+    all.extend(velocity.iter());
+    all.extend([attitude.w, attitude.i, attitude.j, attitude.k]);
+    all.extend([p, v, a].iter().flat_map(|p| sigmas(p).iter().copied().collect::<Vec<_>>()));
+    all
+}
+
+/// What a program in C or C++ prints that replays rows with the library of `folder`.
+fn in_c(compiler: &str, source: &str, folder: &Path, arguments: &[&str], rows: &[u8]) -> String {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy().replace('-', "_");
+    let library = folder.with_file_name("target").join(format!("release/lib{name}.a"));
+    let program = folder.join(format!("{compiler}.out"));
+    let mut build = Command::new(compiler);
+    build.args(["-O1", "-Wall", "-Wextra", "-Werror", "-I", "."]).arg(source);
+    build.arg(library).arg("-lm").arg("-o").arg(&program).current_dir(folder);
+    assert!(build.status().unwrap().success(), "{source}");
+    let mut run = Command::new(program);
+    run.args(arguments).current_dir(folder).stdin(Stdio::piped()).stdout(Stdio::piped());
+    let mut program = run.spawn().unwrap();
+    program.stdin.take().unwrap().write_all(rows).unwrap();
+    let out = program.wait_with_output().unwrap();
+    assert!(out.status.success(), "{source}: {:?}", out.status);
+    String::from_utf8(out.stdout).unwrap()
+}
+
+/// A program in C has the solutions of a navigator, row by row. One in C++ that continues from a checkpoint of the
+/// navigator ends with the same solution, and with the same checkpoint.
+#[test]
+#[ignore = "it builds a library: `.ci/run` runs it"]
+fn compiled_designs_have_their_solutions_in_c() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("compiled/in-c");
+    let design = portable(&Path::new(CONFIGS).join("ins-gps.toml")).unwrap();
+    written(&design, &folder, Target::C).unwrap();
+    let mathematics = if cfg!(feature = "libm") { "libm" } else { "std" };
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args([
+        "build",
+        "--quiet",
+        "--release",
+        "--offline",
+        "--no-default-features",
+        "--features",
+        mathematics,
+    ]);
+    cargo.current_dir(&folder).env("CARGO_TARGET_DIR", folder.with_file_name("target"));
+    assert!(cargo.status().unwrap().success());
+
+    let (record, _) = recorded(&design).unwrap();
+    let mut navigator = Navigator::of(&design).unwrap();
+    let widths: Vec<usize> = navigator.streams().iter().map(StreamLayout::width).collect();
+    let rows = rows(&record, &widths);
+    let (mut count, mut hash) = (0_u64, Fnv::default());
+    for (number, Recorded { stream, time, row, .. }) in rows.iter().enumerate() {
+        navigator.feed_stream(*stream, *time, row, &mut |_: &Event<'_>| {}).unwrap();
+        if let Some(solution) = navigator.solution() {
+            count += 1;
+            hash.bytes(&solution.time.nanos().to_le_bytes());
+            numbers(&solution).iter().for_each(|number| hash.bytes(&number.to_le_bytes()));
+        }
+        if number + 1 == rows.len() / 2 {
+            std::fs::write(folder.join("half.bin"), navigator.checkpoint()).unwrap();
+        }
+    }
+    assert!(count > 1000);
+    let found = in_c("cc", "examples/replay.c", &folder, &[], &record);
+    assert_eq!(found, format!("{count} {:016x}\n", hash.value()));
+
+    let last = navigator.solution().unwrap();
+    let numbers = numbers(&last);
+    let bits = [0, 3, 6, 18].map(|k| format!("{:016x}", numbers[k].to_bits()));
+    let mut saved = Fnv::default();
+    saved.bytes(&navigator.checkpoint());
+    let expected = format!("0 {} {} {:016x}\n", last.time.nanos(), bits.join(" "), saved.value());
+    let second: Vec<u8> = rows[rows.len() / 2..].iter().flat_map(|row| row.bytes).copied().collect();
+    assert_eq!(in_c("c++", "examples/replay.cpp", &folder, &["half.bin"], &second), expected);
 }
 
 /// Compiled, a design has the estimates of its run, to the bit.
@@ -150,7 +240,7 @@ fn a_bank_and_rewinding_are_refused_at_their_places() {
             ..Selection::default()
         };
         let design = build(selection.load(Path::new(CONFIGS).join(design)).unwrap().document).unwrap();
-        compile(&design, "refused", Path::new(ROOT)).unwrap_err().to_string()
+        compile(&design, "refused", Path::new(ROOT), Target::Rust).unwrap_err().to_string()
     };
     let bank = refused("after-outage.toml", &[]);
     assert!(bank.contains("a bank of hypotheses cannot be compiled"), "{bank}");
@@ -185,7 +275,7 @@ attitude = [0, 0, 0]
 attitude_sigma = 1
 ";
     let (document, _) = Document::parse("nested.toml", text);
-    let refused = compile(&build(document).unwrap(), "nested", Path::new(ROOT))
+    let refused = compile(&build(document).unwrap(), "nested", Path::new(ROOT), Target::Rust)
         .unwrap_err()
         .to_string();
     assert!(refused.contains("the model of `stage.inner` cannot be compiled"), "{refused}");
@@ -200,7 +290,7 @@ fn a_description_of_several_lines_is_no_code() {
         ..Selection::default()
     };
     let document = selection.load(Path::new(CONFIGS).join("ins-gps.toml")).unwrap().document;
-    let program = compile(&build(document).unwrap(), "lines", Path::new(ROOT)).unwrap();
+    let program = compile(&build(document).unwrap(), "lines", Path::new(ROOT), Target::Rust).unwrap();
     let (_, library) = program.files.iter().find(|(path, _)| *path == "src/lib.rs").unwrap();
     assert!(library.starts_with("//! one\n//! mod two;\n"), "{library}");
 }

@@ -162,6 +162,7 @@ extern crate self as fusion_core;
 
 pub mod belief;
 pub mod chart;
+pub mod checkpoint;
 pub mod consistency;
 pub mod covariance;
 pub mod custom;

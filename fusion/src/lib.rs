@@ -53,9 +53,9 @@ pub mod solution;
 pub mod source;
 pub mod world;
 
-pub use checkpoint::CheckpointError;
 pub use design::schema;
 pub use fusion_core as core;
+pub use fusion_core::checkpoint::CheckpointError;
 pub use fusion_models as models;
 pub use fusion_models::inventory;
 pub use load::{BASE, Selection};

@@ -2,11 +2,14 @@
 
 use super::run::written;
 use super::{DesignArgs, Failure, OutputArgs};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use fusion::config::Diagnostic;
+use fusion::core::covariance::Kernel;
 use fusion::provenance::Provenance;
-use fusion_compile::compile as compiled;
-use fusion_tables::Page;
+use fusion_compile::{Target, compile as compiled, record};
+use fusion_tables::{Page, Section, Table};
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -20,26 +23,57 @@ pub(super) struct CompileArgs {
     /// was built.
     #[arg(long, value_name = "DIR")]
     crates: Option<PathBuf>,
+    /// Also runs the design with the kernel `portable`, and writes the rows that reach its filter to `rows.bin`. The
+    /// program `replay` of the crate reads them, and prints the hash of the same estimates.
+    #[arg(long)]
+    rows: bool,
+    /// The use of the crate: a program in Rust, or a library and a header for C and C++.
+    #[arg(long, value_enum, default_value = "rust")]
+    target: Language,
     #[command(flatten)]
     output: OutputArgs,
 }
 
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Language {
+    Rust,
+    C,
+}
+
 pub(super) fn compile(args: &CompileArgs) -> Result<(), Failure> {
-    let design = args.design.read()?;
+    let mut design = args.design.read()?;
+    design.filter.kernel = Some(Kernel::PORTABLE);
     let crates = args.crates.clone().unwrap_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")));
     let crates = std::path::absolute(&crates).unwrap_or(crates);
     if !crates.join("vehicle/Cargo.toml").exists() {
         let missing = Diagnostic::error(format!("`{}` has no crate `vehicle`", crates.display()));
         return Err(missing.help("name the folder of the framework by `--crates`").into());
     }
-    let program = compiled(&design, &name(&args.out), &crates)?;
+    let target = match args.target {
+        Language::Rust => Target::Rust,
+        Language::C => Target::C,
+    };
+    let program = compiled(&design, &name(&args.out), &crates, target)?;
     let unwritable = |e: std::io::Error| Diagnostic::error(format!("`{}` cannot be written: {e}", args.out.display()));
     program.write(&args.out).map_err(unwritable)?;
+    let mut files: Vec<PathBuf> = program.files.iter().map(|(path, _)| args.out.join(path)).collect();
+    let mut sections = Vec::new();
+    if args.rows {
+        let path = args.out.join("rows.bin");
+        let mut out = File::create(&path).map(BufWriter::new).map_err(unwritable)?;
+        let digest = record(&design, args.design.options(), &mut out)?;
+        let mathematics = if cfg!(feature = "libm") { "libm" } else { "std" };
+        let mut list = Table::list();
+        list.row([format!("{} {:016x}, with `{mathematics}`", digest.count, digest.hash())]);
+        sections.push(Section::new("Number and hash of the estimates of these rows", [list]));
+        files.push(path);
+    }
+    sections.push(written(files));
     args.output.print(&Page {
         title: design.run.description.clone(),
         provenance: Provenance::of(&design, None),
         warnings: Vec::new(),
-        sections: vec![written(program.files.iter().map(|(path, _)| args.out.join(path)))],
+        sections,
     })
 }
 

@@ -58,6 +58,7 @@ chapters! {
     raw_gnss: "raw-gnss.md",
     live_links: "live.md",
     embedding: "embedding.md",
+    microcontroller: "microcontroller.md",
     in_python: "python.md",
     blocks: "blocks.md",
     equations: "equations.md",

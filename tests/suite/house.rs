@@ -5,14 +5,19 @@ use std::path::{Path, PathBuf};
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// The crates in order of dependency, as ARCHITECTURE.md draws them: folder, package, and the packages that it may use.
-const CRATES: [(&str, &str, &[&str]); 15] = [
+const CRATES: [(&str, &str, &[&str]); 16] = [
     ("kernels", "fusion-kernels", &[]),
     ("derive", "fusion-derive", &[]),
     ("fusion-core", "fusion-core", &["fusion-derive", "fusion-kernels"]),
     ("models", "fusion-models", &["fusion-core"]),
     ("fusion", "fusion", &["fusion-core", "fusion-models"]),
     ("vehicle", "fusion-vehicle", &["fusion-core", "fusion-models"]),
-    ("compile", "fusion-compile", &["fusion", "fusion-core"]),
+    ("abi", "fusion-abi", &["fusion-vehicle"]),
+    (
+        "compile",
+        "fusion-compile",
+        &["fusion", "fusion-core", "fusion-models", "fusion-vehicle"],
+    ),
     ("tables", "fusion-tables", &["fusion", "fusion-core"]),
     (
         "judge",

@@ -14,7 +14,9 @@ use alloc::boxed::Box;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use fusion_core::Time;
+use fusion_core::checkpoint::{CheckpointError, Of, opened, sealed};
 use fusion_core::health::State as Health;
+use fusion_core::memory::{self, Memory, Tape};
 use fusion_core::model::Process;
 use fusion_core::runner::{Observer, Row, RunError, Runner, StreamId};
 use fusion_core::state::Layout;
@@ -49,17 +51,20 @@ pub struct Vehicle {
     reader: Box<SolutionReader>,
     /// The number of the next row of each stream.
     counts: Vec<u64>,
+    /// A hash of what the design declares for the filter.
+    fingerprint: u64,
 }
 
 impl Vehicle {
-    /// The vehicle of an assembled runner.
+    /// The vehicle of an assembled runner. `fingerprint` is a hash of what the design declares for the filter.
     #[must_use]
-    pub fn new(runner: Runner, layout: &Layout, process: Arc<dyn Process>) -> Self {
+    pub fn new(runner: Runner, layout: &Layout, process: Arc<dyn Process>, fingerprint: u64) -> Self {
         let counts = runner.streams().map(|_| 0).collect();
         Self {
             runner,
             reader: Box::new(SolutionReader::new(layout, process)),
             counts,
+            fingerprint,
         }
     }
 
@@ -92,6 +97,31 @@ impl Vehicle {
         self.runner.newest().started().then(|| self.reader.read(self.runner.belief()))
     }
 
+    /// The solution at `time`, for a control loop that is faster than the sensors. The filter is unchanged. `None` until
+    /// it has started.
+    pub fn predict(&mut self, time: Time) -> Option<Solution> {
+        let belief = self.runner.predicted(time)?;
+        Some(*self.reader.read(&belief))
+    }
+
+    /// The whole memory of the filter. Another one of the same design that is [restored](Self::restore) from it, here or
+    /// in a `Navigator` of the crate `fusion`, continues as this one would, to the bit.
+    #[must_use]
+    pub fn checkpoint(&mut self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        memory::save(self, &mut bytes);
+        sealed(Of::Navigator, self.fingerprint, &bytes)
+    }
+
+    /// Resumes from a checkpoint, also from one of a `Navigator` of the crate `fusion`.
+    ///
+    /// # Errors
+    /// [`CheckpointError`] if the bytes are incomplete, or belong to another design or version; the filter is unchanged.
+    pub fn restore(&mut self, checkpoint: &[u8]) -> Result<(), CheckpointError> {
+        let bytes = opened(Of::Navigator, self.fingerprint, checkpoint)?;
+        memory::restore(self, bytes).map_err(|_| CheckpointError::Damaged)
+    }
+
     /// How far the filter can be believed.
     #[must_use]
     pub fn health(&self) -> Health {
@@ -102,5 +132,12 @@ impl Vehicle {
     #[must_use]
     pub const fn runner(&self) -> &Runner {
         &self.runner
+    }
+}
+
+impl Memory for Vehicle {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.counts.as_mut_slice().remember(tape);
+        self.runner.remember(tape);
     }
 }

@@ -215,8 +215,13 @@ impl Covariance {
     /// The whole of it, n×n, row by row: for comparisons and pictures.
     #[must_use]
     pub fn to_dense(&self) -> Vec<f64> {
+        self.elements().collect()
+    }
+
+    /// All elements, row by row.
+    pub fn elements(&self) -> impl Iterator<Item = f64> {
         let n = self.n;
-        (0..n * n).map(|k| self.form.element(n, &self.p, k / n, k % n)).collect()
+        (0..n * n).map(move |k| self.form.element(n, &self.p, k / n, k % n))
     }
 
     /// Gives `block` the covariance `value`, d×d, row by row, and removes its correlation with the other blocks.

@@ -47,6 +47,12 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// A hash of what the design declares for its filter: its checkpoints have it.
+    #[must_use]
+    pub const fn fingerprint(&self) -> u64 {
+        self.fingerprint
+    }
+
     /// A filter of this plan.
     #[must_use]
     pub fn filter(&self) -> Filter {

@@ -5,7 +5,6 @@ mod error;
 pub use error::FeedError;
 
 use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
-use crate::checkpoint::{self, CheckpointError, Of};
 use crate::config::{Diagnostics, Document};
 use crate::design::Design;
 use crate::health::{Health, NamedReason, Names};
@@ -14,6 +13,7 @@ use crate::observe::Filters;
 use crate::rows::{Aboard, Carried, Pose};
 use crate::solution::{Solution, SolutionReader};
 use fusion_core::belief::Belief;
+use fusion_core::checkpoint::{CheckpointError, Of, opened, sealed};
 use fusion_core::memory::{self, Memory, Tape};
 use fusion_core::runner::{Event, Observer, Row, RunError, StreamId};
 use fusion_core::state::Layout;
@@ -402,7 +402,7 @@ impl Navigator {
     pub fn checkpoint(&mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
         memory::save(self, &mut bytes);
-        checkpoint::sealed(Of::Navigator, self.assembly.fingerprint, &bytes)
+        sealed(Of::Navigator, self.assembly.fingerprint, &bytes)
     }
 
     /// Resumes from a checkpoint.
@@ -420,7 +420,7 @@ impl Navigator {
     /// [`CheckpointError`] if the bytes are incomplete, or belong to another design or version; the navigator is
     /// unchanged.
     pub fn restore(&mut self, checkpoint: &[u8]) -> Result<(), CheckpointError> {
-        let bytes = checkpoint::opened(Of::Navigator, self.assembly.fingerprint, checkpoint)?;
+        let bytes = opened(Of::Navigator, self.assembly.fingerprint, checkpoint)?;
         memory::restore(self, bytes).map_err(|_| CheckpointError::Damaged)
     }
 

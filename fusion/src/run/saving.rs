@@ -9,12 +9,13 @@
 //! is steered by the filter receives the recorded poses of the filter again.
 
 use super::{Options, RunData, Smoothing, stopped};
-use crate::checkpoint::{self, CheckpointError, Of, fingerprint_of_run, opened, sealed};
+use crate::checkpoint::{self, fingerprint_of_run};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::{Hub, Timing};
 use crate::output::Unwritable;
 use crate::rows::{Again, Feed, Pose};
+use fusion_core::checkpoint::{CheckpointError, Of, opened, sealed};
 use fusion_core::covariance::Kernel;
 use fusion_core::memory::{self, Memory, Tape};
 use fusion_core::runner::{Runner, StreamId};
