@@ -7,6 +7,11 @@
 //! multiplied by its probability density of every later measurement, from any sensor. The bank merges hypotheses that
 //! become alike, and drops the least probable.
 //!
+//! A gate without odds decides by itself, and declares nothing about false measurements. The bank assumes that one in
+//! a million is false. While several starts are possible, a measurement that such a gate rejects is also followed as
+//! good. Otherwise all hypotheses could reject the same good measurement just outside their gates. Their estimates
+//! would then run away, and reject all that follow.
+//!
 //! The bank *shows* the hypothesis that continues the one shown before, unless another is more probable by a declared
 //! factor. Without doubt there is one hypothesis, and the bank is its estimator.
 //!
@@ -17,7 +22,6 @@ use super::starts::{headings, is_angle};
 use super::step::Step;
 use crate::belief::Belief;
 use crate::chart::{Body, Chart};
-use crate::consistency::chi_square_quantile;
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Odds, Outcome, log_normal, log_sum};
 use crate::loss::Loss;
 use crate::math;
@@ -62,8 +66,8 @@ const ALIKE: f64 = 0.1;
 /// A measurement is shown as used if that is more probable than its rejection by this factor.
 const SURE: f64 = 20.0;
 
-/// For a sensor whose own gate decides, the probability of a residual counts as at least one in a million.
-const LEAST_OF_OTHERS: f64 = 1.0 - 1e-6;
+/// How probable a false measurement is, for a sensor whose gate gives no odds: one in a million.
+const FALSE: f64 = 1e-6;
 
 /// A copy of an update: the buffers of its estimator may change before it is reported.
 #[derive(Debug)]
@@ -79,10 +83,7 @@ struct Report {
     weight: f64,
     /// Whether the gate of the sensor leaves it open whether a measurement is false.
     may_be_false: bool,
-    /// See [`Broker::usual`].
-    usual: Option<f64>,
-    /// Whether its gate rejected it together with the measurement of the sensor that it follows.
-    is_aside: bool,
+    weighed: Weighed,
 }
 
 impl Report {
@@ -98,8 +99,7 @@ impl Report {
             nis: f64::NAN,
             weight: 0.0,
             may_be_false: false,
-            usual: None,
-            is_aside: false,
+            weighed: Weighed::Nothing,
         }
     }
 
@@ -147,6 +147,8 @@ struct Hypothesis {
     weight: f64,
     /// Whether it continues the hypothesis that is shown.
     is_successor: bool,
+    /// The number of the start that it continues.
+    start: usize,
     report: Report,
 }
 
@@ -158,6 +160,7 @@ impl Memory for Hypothesis {
             outcomes,
             weight,
             is_successor,
+            start,
             // It belongs to the current update only.
             report: _,
         } = self;
@@ -166,6 +169,7 @@ impl Memory for Hypothesis {
         outcomes.remember(tape);
         weight.remember(tape);
         is_successor.remember(tape);
+        start.remember(tape);
     }
 }
 
@@ -177,6 +181,7 @@ impl Hypothesis {
             gates,
             weight: 0.0,
             is_successor: true,
+            start: 0,
             report: Report::empty(),
         }
     }
@@ -193,7 +198,7 @@ impl Hypothesis {
     /// Offers the measurement to its estimator; `intent` decides its use.
     fn update(&mut self, intent: Intent, offer: &Offer<'_, '_>) -> Weighed {
         let sensor = offer.observed.sensor;
-        (self.report.usual, self.report.is_aside) = (None, false);
+        self.report.weighed = Weighed::Nothing;
         let Some(gate) = self.gates.get_mut(sensor) else {
             return Weighed::Nothing;
         };
@@ -201,21 +206,16 @@ impl Hypothesis {
             gate: gate.as_mut(),
             intent,
             depth: offer.depth,
-            cap: offer.cap,
             weighed: Weighed::Nothing,
             gives_odds: false,
-            usual: None,
-            is_aside: false,
         };
         let update = self.estimator.update(offer.observed, &mut broker, &self.outcomes, offer.loss);
         let (weighed, gives_odds) = (broker.weighed, broker.gives_odds);
-        let (usual, is_aside) = (broker.usual, broker.is_aside);
         if let Weighed::Doubt(_) = weighed {
             return weighed;
         }
         self.report.keep(&update);
-        self.report.may_be_false = gives_odds;
-        (self.report.usual, self.report.is_aside) = (usual, is_aside);
+        (self.report.may_be_false, self.report.weighed) = (gives_odds, weighed);
         let outcome = Outcome {
             time: self.estimator.belief().time,
             is_used: self.report.is_used(),
@@ -233,8 +233,6 @@ struct Offer<'a, 'b> {
     loss: &'a dyn Loss,
     /// ln of the least fraction of the best probability that a continuation needs to be followed.
     depth: f64,
-    /// The largest NIS that counts, for a sensor whose own gate decides.
-    cap: f64,
 }
 
 /// The instruction to a hypothesis for a measurement.
@@ -244,15 +242,25 @@ enum Intent {
     Weigh,
     /// Does this, without regard to the gate.
     Do(Decision),
+    /// Uses the measurement, although its gate, which gives no odds, has just rejected it with this answer.
+    Overrule(Answer),
 }
 
 /// How a measurement was weighed.
 #[derive(Clone, Copy, Debug)]
 enum Weighed {
-    /// The measurement was not judged.
+    /// The hypothesis says nothing about the measurement. It was not judged, or it was rejected together with the
+    /// measurement of the sensor that it follows.
     Nothing,
     /// ln of the density of the measurement under the decision.
     Done(f64),
+    /// The gate gives no odds: ln of the density of a good measurement.
+    Good {
+        /// Of this measurement.
+        density: f64,
+        /// Of one whose NIS is the expected one, m.
+        usual: f64,
+    },
     /// More than one decision is possible, and nothing was done.
     Doubt(Odds),
 }
@@ -262,12 +270,8 @@ struct Broker<'a> {
     gate: &'a mut dyn Gate,
     intent: Intent,
     depth: f64,
-    cap: f64,
     weighed: Weighed,
     gives_odds: bool,
-    /// ln of the density of a measurement whose NIS is the expected one, m, if the gate gives no odds.
-    usual: Option<f64>,
-    is_aside: bool,
 }
 
 impl core::fmt::Debug for Broker<'_> {
@@ -290,22 +294,28 @@ fn clearest(odds: &Odds, depth: f64) -> (Decision, f64, bool) {
 
 impl Gate for Broker<'_> {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
+        if let Intent::Overrule(answer) = self.intent {
+            return Answer {
+                decision: Decision::Accept,
+                ..answer
+            };
+        }
         let Some(odds) = self.gate.odds(input) else {
             let answer = self.gate.judge(input);
             let Some(density) = log_normal(input.residual, input.innovation) else {
                 return answer;
             };
-            self.usual = Some(density + 0.5 * (input.nis - input.residual.len() as f64));
-            self.is_aside = answer.decision == Decision::Reject && self.gate.leader().is_some();
-            if !self.is_aside {
-                // Capped, so that one wild residual does not decide between hypotheses.
-                self.weighed = Weighed::Done(density + 0.5 * (input.nis - input.nis.min(self.cap)));
+            // A gate that rejects without a threshold has made no test.
+            let is_tested = answer.decision != Decision::Reject || answer.threshold.is_finite();
+            if is_tested {
+                let usual = density + 0.5 * (input.nis - input.residual.len() as f64);
+                self.weighed = Weighed::Good { density, usual };
             }
             return answer;
         };
         self.gives_odds = true;
         let (decision, density, is_clear) = match self.intent {
-            Intent::Weigh => clearest(&odds, self.depth),
+            Intent::Weigh | Intent::Overrule(_) => clearest(&odds, self.depth),
             Intent::Do(Decision::Accept) => (Decision::Accept, odds.good, true),
             Intent::Do(Decision::Reject) => (Decision::Reject, odds.bad, true),
             Intent::Do(Decision::Reacquire) => (Decision::Reacquire, odds.lost, true),
@@ -358,8 +368,6 @@ pub struct Bank {
     rivals: Rivals,
     /// The memory through which one hypothesis is copied to another.
     tape: Vec<u8>,
-    /// The largest NIS that counts for a sensor whose own gate decides, by the number of rows.
-    caps: Vec<f64>,
 }
 
 /// Members per hypothesis: each continues in up to three ways before some are dropped.
@@ -390,7 +398,6 @@ impl Bank {
             angles,
             rivals: Rivals::NONE,
             tape: Vec::new(),
-            caps: Vec::new(),
         }
     }
 
@@ -417,19 +424,11 @@ impl Bank {
         self.hypotheses.len()
     }
 
-    /// The largest NIS of `rows` that counts.
-    fn cap(&mut self, rows: usize) -> f64 {
-        for m in self.caps.len()..=rows {
-            self.caps.push(chi_square_quantile(LEAST_OF_OTHERS, m as f64));
-        }
-        self.caps[rows]
-    }
-
     /// Continues hypothesis number `k` in every probable way. The additional hypotheses are put at the end.
     fn branch(&mut self, k: usize, offer: &Offer<'_, '_>) {
         let hypothesis = &mut self.hypotheses[k];
         let odds = match hypothesis.update(Intent::Weigh, offer) {
-            Weighed::Nothing => return,
+            Weighed::Nothing | Weighed::Good { .. } => return,
             Weighed::Done(density) => {
                 hypothesis.weight += density;
                 return;
@@ -455,15 +454,76 @@ impl Bank {
         hypothesis.weight += odds.bad;
     }
 
-    /// A measurement that was rejected together with another says nothing about the hypotheses that rejected it. All
-    /// of them get the same weight: the density that the best informed hypothesis gives a usual measurement. If each
-    /// used the density by its own S, the hypothesis with the smallest S would win without any evidence.
-    fn weigh_aside(&mut self) {
-        let usual = self.hypotheses.iter().filter_map(|h| h.report.usual).reduce(f64::max);
-        let Some(usual) = usual else { return };
-        for hypothesis in self.hypotheses.iter_mut().filter(|h| h.report.is_aside) {
-            hypothesis.weight += usual;
+    /// Weighs a measurement whose gate gives no odds, and shares it out to the hypotheses that say nothing about it.
+    /// `before` is ln of the sum of the weights that the other hypotheses had.
+    ///
+    /// With the probability [`FALSE`] the measurement is false. The density of a false measurement is the same number
+    /// in all hypotheses: the mean density of a usual good measurement. So a hypothesis that rejects never gains on
+    /// a hypothesis that accepts, and a hypothesis with a small S does not win without evidence.
+    ///
+    /// A hypothesis that says nothing keeps its share: it gets the mean density of the others, in which a measurement
+    /// that is false for them counts as false for it too.
+    fn weigh(&mut self, before: f64, offer: &Offer<'_, '_>) {
+        if before == f64::NEG_INFINITY {
+            return;
         }
+        let usual = self.hypotheses.iter().filter_map(|h| match h.report.weighed {
+            Weighed::Good { usual, .. } => Some(h.weight + usual),
+            _ => None,
+        });
+        let of_false = usual.reduce(log_sum).map_or(0.0, |usual| usual - before);
+        let floor = of_false + math::ln(FALSE);
+        let mean = |h: &Hypothesis| match h.report.weighed {
+            Weighed::Nothing => None,
+            Weighed::Good { density, .. } if density < floor => Some(h.weight + of_false),
+            Weighed::Good { density, .. } => Some(h.weight + density),
+            _ => Some(h.weight),
+        };
+        let share = self.hypotheses.iter().filter_map(mean).reduce(log_sum).map_or(0.0, |all| all - before);
+        let rivals = self.best_of_two_starts();
+        for k in 0..self.hypotheses.len() {
+            let hypothesis = &mut self.hypotheses[k];
+            let weight = hypothesis.weight;
+            hypothesis.weight += match hypothesis.report.weighed {
+                Weighed::Nothing => share,
+                Weighed::Good { density, .. } => density.max(floor),
+                _ => 0.0,
+            };
+            if let Weighed::Good { density, .. } = hypothesis.report.weighed
+                && hypothesis.report.verdict == Verdict::Rejected
+                && rivals[usize::from(rivals[0].0 == self.hypotheses[k].start)].1 > weight + math::ln(FALSE)
+                && density > floor - offer.depth
+                && self.overrule(k, weight + density, offer)
+            {
+                self.hypotheses[k].weight = weight + floor;
+            }
+        }
+    }
+
+    /// The most probable start and its weight, then the second start and its weight; −∞ if only one start is left.
+    fn best_of_two_starts(&self) -> [(usize, f64); 2] {
+        let best = |other_than: Option<usize>| {
+            let starts = self.hypotheses.iter().filter(|h| Some(h.start) != other_than);
+            let weights = starts.map(|h| (h.start, h.weight));
+            weights.fold((usize::MAX, f64::NEG_INFINITY), |best, h| if h.1 > best.1 { h } else { best })
+        };
+        let first = best(None);
+        [first, best(Some(first.0))]
+    }
+
+    /// Continues hypothesis number `k`, whose gate has rejected the measurement, also with the measurement in use. A
+    /// gate trusts its estimate. If it is more probable that another start is the true one than that a measurement is
+    /// false, the estimate may be wrong: a hypothesis that rejects a good measurement may reject all that follow.
+    /// Returns whether that was possible.
+    fn overrule(&mut self, k: usize, weight: f64, offer: &Offer<'_, '_>) -> bool {
+        let answer = self.hypotheses[k].report.answer;
+        let Some(mut child) = self.fork(k) else { return false };
+        child.update(Intent::Overrule(answer), offer);
+        child.weight = weight;
+        let is_used = child.report.is_used();
+        let list = if is_used { &mut self.hypotheses } else { &mut self.spare };
+        list.push(child);
+        is_used
     }
 
     /// Drops improbable hypotheses and twins, and chooses the hypothesis to show.
@@ -496,6 +556,8 @@ impl Bank {
             // The estimate jumps to the hypothesis that accepted this sensor.
             shown.report.verdict = Verdict::Reacquired;
         }
+        let rejects = |h: &Hypothesis| h.report.verdict == Verdict::Rejected && matches!(h.report.weighed, Weighed::Good { .. });
+        self.rivals.rejected = self.hypotheses.iter().all(rejects);
         for (k, hypothesis) in self.hypotheses.iter_mut().enumerate() {
             hypothesis.is_successor = k == self.shown;
         }
@@ -635,7 +697,7 @@ impl Estimator for Bank {
             self.spare.extend(self.hypotheses.pop());
         }
         let first = &mut self.hypotheses[0];
-        (first.weight, first.is_successor) = (0.0, true);
+        (first.weight, first.is_successor, first.start) = (0.0, true, 0);
         first.outcomes.fill(None);
         self.rivals = Rivals::NONE;
         let starts = headings(&belief, first.estimator.layout(), self.limits.starts.min(self.limits.most));
@@ -649,7 +711,7 @@ impl Estimator for Bank {
                 other.is_successor = false;
                 self.hypotheses.push(other);
             }
-            self.hypotheses[k].weight = weight;
+            (self.hypotheses[k].weight, self.hypotheses[k].start) = (weight, k);
             self.hypotheses[k].estimator.set_belief(belief);
         }
         self.compare();
@@ -669,13 +731,17 @@ impl Estimator for Bank {
             observed,
             loss,
             depth: -math::ln(self.limits.doubt),
-            cap: self.cap(size.residual),
         };
+        let mut before = f64::NEG_INFINITY;
         for k in 0..self.hypotheses.len() {
             self.hypotheses[k].foresee(others);
+            let weight = self.hypotheses[k].weight;
             self.branch(k, &offer);
+            if !matches!(self.hypotheses[k].report.weighed, Weighed::Nothing) {
+                before = log_sum(before, weight);
+            }
         }
-        self.weigh_aside();
+        self.weigh(before, &offer);
         self.select();
         let report = &self.hypotheses[self.shown].report;
         Update {

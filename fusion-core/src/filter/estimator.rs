@@ -96,6 +96,9 @@ pub struct Rivals {
     /// `Some` if the latest update changed the shown hypothesis. The value is the change of the attitude or angle
     /// that differs most \[rad\].
     pub changed: Option<f64>,
+    /// Whether each belief has rejected the latest measurement, by gates that do not know false measurements. False
+    /// without a bank.
+    pub rejected: bool,
 }
 
 impl Rivals {
@@ -105,6 +108,7 @@ impl Rivals {
         probability: 1.0,
         apart: 0.0,
         changed: None,
+        rejected: false,
     };
 }
 

@@ -6,6 +6,7 @@ use super::pulse::{Held, Pulse};
 use super::{Limits, Reason, Watched};
 use crate::consistency::chi_square_quantile;
 use crate::filter::{Update, Verdict};
+use crate::math;
 use crate::time::Time;
 use alloc::vec::Vec;
 
@@ -29,6 +30,10 @@ const LOOK: f64 = 1.0;
 /// The probability of residuals that a consistent filter sees. A rejected residual beyond it contradicts the
 /// estimate's σ.
 const EXPECTED: f64 = 0.999;
+/// How false measurements occur, by the defaults of the gate `hypotheses`: the probability that a measurement is false
+/// after a good one, and that it is good after a false one.
+const BEGINS: f64 = 0.01;
+const ENDS: f64 = 0.2;
 
 /// The mean NIS per residual row, forgetting exponentially. No single NIS has too large a share.
 #[derive(Clone, Copy, Debug)]
@@ -65,8 +70,15 @@ struct Streak {
     first: Time,
     latest: Time,
     count: u32,
+    /// How many of them, without a break until the latest, all hypotheses of a bank rejected.
+    by_all: u32,
 }
-crate::memory!(Streak { first, latest, count });
+crate::memory!(Streak {
+    first,
+    latest,
+    count,
+    by_all
+});
 
 /// The combined state of the sensors from outside.
 #[derive(Clone, Copy, Debug)]
@@ -82,9 +94,25 @@ pub(super) struct Others<'a> {
 }
 
 impl Streak {
+    /// Whether it is so long that the filter may be lost. All hypotheses of a bank reject a good filter's sensor only
+    /// while its measurements are false.
+    fn is_long(&self, period: f64, limits: &Limits) -> bool {
+        self.lasts(limits.rejected_lost) || f64::from(self.by_all) >= longest_false(period, limits.false_alarm)
+    }
+
     /// Whether it is long enough.
     fn lasts(&self, time: f64) -> bool {
         self.count >= STREAK && self.latest.seconds_since(self.first) >= time
+    }
+}
+
+/// The number of false measurements in a row that occurs once in `between` \[s\], for a sensor with this period \[s\]:
+/// a streak of n or more begins at each measurement with the probability b (1 − e)ⁿ⁻¹.
+fn longest_false(period: f64, between: f64) -> f64 {
+    if period > 0.0 {
+        (1.0 - math::ln(BEGINS * between / period) / math::ln(1.0 - ENDS)).max(f64::from(STREAK))
+    } else {
+        f64::INFINITY
     }
 }
 
@@ -142,12 +170,16 @@ impl Evidence {
         self.held = [Held::default(); 7];
     }
 
-    /// Whether it is from outside and has been rejected for `time` \[s\] or twice in a row.
-    pub(super) fn is_rejected(&self, now: Time, time: f64) -> bool {
+    /// Whether it is from outside and has been rejected twice in a row.
+    pub(super) fn is_rejected(&self, now: Time) -> bool {
         let pause = PAUSE * self.pulse.period();
         let is_fresh = |s: &Streak| pause <= 0.0 || now.seconds_since(s.latest) <= pause;
-        let is_rejected = |s: Streak| is_fresh(&s) && if time > 0.0 { s.lasts(time) } else { s.count >= PAIR };
-        self.is_outside && self.streak.is_some_and(is_rejected)
+        self.is_outside && self.streak.is_some_and(|s| is_fresh(&s) && s.count >= PAIR)
+    }
+
+    /// Whether it is from outside and has been rejected for so long that the filter may be lost.
+    pub(super) fn is_rejected_long(&self, now: Time, limits: &Limits) -> bool {
+        self.is_rejected(now) && self.streak.is_some_and(|s| s.is_long(self.pulse.period(), limits))
     }
 
     /// The axes that it measures.
@@ -196,17 +228,18 @@ impl Evidence {
                 self.means.forget();
                 self.reacquired = Some((time, 0));
             }
-            Verdict::Rejected if update.nis > self.expected => self.rejected(time),
+            Verdict::Rejected if update.nis > self.expected => self.rejected(time, update.rivals.rejected),
             Verdict::Rejected | Verdict::Undefined(_) | Verdict::Unusable => {}
         }
     }
 
-    fn rejected(&mut self, time: Time) {
+    fn rejected(&mut self, time: Time, by_all: bool) {
         let pause = PAUSE * self.pulse.period();
         let fresh = Streak {
             first: time,
             latest: time,
             count: 0,
+            by_all: 0,
         };
         let streak = self.streak.get_or_insert(fresh);
         if pause > 0.0 && time.seconds_since(streak.latest) > pause {
@@ -214,14 +247,16 @@ impl Evidence {
         }
         streak.latest = time;
         streak.count = streak.count.saturating_add(1);
+        streak.by_all = if by_all { streak.by_all.saturating_add(1) } else { 0 };
     }
 
     /// Puts the reasons that hold at `now` for this sensor, number `sensor`, into `reasons`.
     pub(super) fn judge(&mut self, sensor: usize, now: Time, others: Others<'_>, limits: &Limits, reasons: &mut Vec<Reason>) {
         let lasts = |time| self.streak.is_some_and(|s| s.lasts(time));
-        let is_rejected = lasts(limits.rejected) || (others.rejected > 1 && self.is_rejected(now, 0.0));
+        let is_rejected = lasts(limits.rejected) || (others.rejected > 1 && self.is_rejected(now));
         let is_alone = self.streak.is_some_and(|s| !others.aid.holds(self.axes, s.first));
-        let is_lost = self.is_outside && lasts(limits.rejected_lost) && (is_alone || others.rejected_long > 1);
+        let is_long = self.streak.is_some_and(|s| s.is_long(self.pulse.period(), limits));
+        let is_lost = self.is_outside && is_long && (is_alone || others.rejected_long > 1);
         if let Some((time, used)) = self.reacquired
             && used >= PROVEN
             && now.seconds_since(time) > limits.reacquired

@@ -304,11 +304,10 @@ impl Monitor {
                 }
             }
             self.blocks.tell(now, limits, reasons);
-            let rejected = |time| self.sensors.iter().filter(|s| s.is_rejected(now, time)).count();
             let others = Others {
                 aid: &self.aid,
-                rejected: rejected(0.0),
-                rejected_long: rejected(limits.rejected_lost),
+                rejected: self.sensors.iter().filter(|s| s.is_rejected(now)).count(),
+                rejected_long: self.sensors.iter().filter(|s| s.is_rejected_long(now, limits)).count(),
                 biased: self.sensors.iter().any(|s| s.is_biased(now, limits)),
             };
             for (number, sensor) in self.sensors.iter_mut().enumerate() {

@@ -334,3 +334,25 @@ fn a_monitor_with_the_memory_of_another_goes_on_as_that_one_would() {
 const NORTH: usize = 3;
 const EAST: usize = 4;
 const DOWN: usize = 5;
+
+#[test]
+fn a_filter_whose_hypotheses_all_reject_for_longer_than_false_measurements_last_is_lost() {
+    // 5 Hz: 0.01 · 0.8ⁿ⁻¹ · 1.8 million measurements in 100 h are one at n = 45, or 9 s.
+    for (by_all, expected) in [(true, [State::Degraded, State::Lost]), (false, [State::Degraded; 2])] {
+        let mut bench = Bench::new();
+        for k in 1..=75 {
+            let t = 0.2 * f64::from(k);
+            bench.rivals.rejected = by_all && k > 20;
+            let verdict = if k > 20 { Verdict::Rejected } else { Verdict::Accepted };
+            let nis = if k > 20 { 100.0 } else { 3.0 };
+            bench.update(POSITION, t, verdict, nis);
+            bench.estimate(t);
+            // 43 and 47 rejections.
+            match k {
+                63 => assert_eq!(bench.monitor.health().state, expected[0]),
+                67 => assert_eq!(bench.monitor.health().state, expected[1]),
+                _ => {}
+            }
+        }
+    }
+}

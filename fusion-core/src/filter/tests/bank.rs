@@ -439,3 +439,127 @@ fn what_is_left_out_with_another_measurement_leaves_the_weights_as_they_are() {
         assert_eq!(stays, refuses, "{before:?} {} {}", bank.count(), bank.rivals().apart);
     }
 }
+
+/// A measurement that says nearly nothing about the angle; only its NIS differs from one value to the next.
+const VAGUE: f64 = 1e6;
+
+/// A bank of eight starts with two sensors: one with a `nis` gate, and its follower. The fix at zero was rejected by
+/// the five starts that are a quarter of a turn or more away.
+fn with_a_follower() -> Bank {
+    let mut bank = all_round(|| {
+        let nis = || Box::new(Nis::new(0.999, Recovery::default()));
+        vec![nis(), Box::new(OnlyWith::new(0, 10.0, nis()))]
+    });
+    tell(&mut bank, 0, &Direct(pointing().1), 0.0, 0.01);
+    bank
+}
+
+#[test]
+fn a_follower_decides_nothing_between_those_that_reject_it_aside_and_those_that_use_it() {
+    // NIS of 0, or of 9 in all three hypotheses that use it: better and worse than the expected 1, and accepted.
+    for value in [0.0, 3.0 * VAGUE.sqrt()] {
+        let mut bank = with_a_follower();
+        let before = bank.rivals();
+        assert!(before.count > 3, "{before:?}");
+        for _ in 0..200 {
+            tell(&mut bank, 1, &Direct(pointing().1), value, VAGUE);
+        }
+        let after = bank.rivals();
+        assert_eq!(after.count, before.count, "{value}");
+        // 200 such measurements move an angle known to 0.1 rad by less than 1e-3 rad.
+        assert!((after.probability - before.probability).abs() < 1e-2, "{before:?} {after:?}");
+    }
+}
+
+#[test]
+fn a_follower_that_its_own_gate_rejects_counts_as_any_false_measurement() {
+    let mut bank = with_a_follower();
+    assert!(bank.belief().x[0].abs() < 0.5, "one that used the fix is shown");
+    // No hypothesis explains it. Those that rejected the fix already expect that it is false.
+    for _ in 0..3 {
+        tell(&mut bank, 1, &Direct(pointing().1), 10.0 * VAGUE.sqrt(), VAGUE);
+    }
+    assert!(bank.belief().x[0].abs() > 0.5, "one that rejected the fix is shown: {}", bank.belief().x[0]);
+}
+
+#[test]
+fn of_hypotheses_that_all_reject_none_wins_by_a_small_covariance() {
+    let mut bank = all_round(|| vec![Box::new(Nis::new(0.999, Recovery::default()))]);
+    let before = bank.rivals();
+    for _ in 0..20 {
+        // No sine is 9, and its S is from 1e-4 to 0.15.
+        let verdict = tell(&mut bank, 0, &Sine(pointing().1), 9.0, 1e-4);
+        assert_eq!((verdict, bank.rivals().rejected), (Verdict::Rejected, true));
+    }
+    let after = bank.rivals();
+    assert_eq!(after.count, before.count);
+    // 1e-9: rounding of logarithms.
+    assert!((after.probability - before.probability).abs() < 1e-9, "{before:?} {after:?}");
+}
+
+#[test]
+fn a_hypothesis_that_rejects_what_another_accepts_loses_a_million_at_each_measurement() {
+    let nis = || vec![Box::new(Nis::new(0.999, Recovery::default())) as Box<dyn Gate>];
+    let mut bank = all_round(nis);
+    let (offset, eighth) = (pointing().1, core::f64::consts::FRAC_PI_4);
+    // It fits the start at a quarter of a turn, and four others reject it; the neighbours of the start are 4 σ away.
+    tell(&mut bank, 0, &Direct(offset), 2.0 * eighth, 1e-4);
+    assert!((offset.read(&bank.belief().x) - 2.0 * eighth).abs() < 0.01);
+    let mut told = 0;
+    while bank.count() > 1 && told < 5 {
+        tell(&mut bank, 0, &Direct(offset), 2.0 * eighth, 1e-4);
+        told += 1;
+    }
+    // 1e-15, below which a hypothesis is dropped, is passed by the third.
+    assert!(told <= 3, "{told} {}", bank.count());
+}
+
+#[test]
+fn another_hypothesis_is_shown_once_it_is_more_probable_by_the_declared_factor() {
+    let (offset, eighth) = (pointing().1, core::f64::consts::FRAC_PI_4);
+    let mut needed = Vec::new();
+    for switch in [10.0, 1e6] {
+        let limits = BankLimits {
+            starts: 8,
+            switch,
+            ..BankLimits::DEFAULT
+        };
+        let mut bank = Bank::new(limits, || (Box::new(pointing().0), vec![Box::new(Open)]));
+        bank.set_belief(pointing().0.belief().clone());
+        let mut ratio: f64 = 0.0;
+        for k in 1.. {
+            tell(&mut bank, 0, &Direct(offset), 4.0 * eighth, 25.0);
+            if bank.rivals().changed.is_some() {
+                needed.push(k);
+                break;
+            }
+            // Half the NIS of the start that is shown, π²/25 at first, less as the measurements move it.
+            ratio += 0.5 * (offset.read(&bank.belief().x) - 4.0 * eighth).powi(2) / 25.0;
+            assert!(ratio < 1.2 * f64::ln(switch), "{k} {ratio}");
+        }
+    }
+    
+    assert!(needed[1] > needed[0], "{needed:?}");
+}
+
+#[test]
+fn what_a_gate_rejects_in_doubt_is_also_followed_as_good() {
+    let nis = || vec![Box::new(Nis::new(0.999, Recovery::default())) as Box<dyn Gate>];
+    let (offset, half) = (pointing().1, core::f64::consts::FRAC_PI_8);
+    // 4.2 σ from the last of the eight starts: a NIS of 17.6, which a gate with 0.999 rejects at 10.8. It is more
+    // probably good than false, e^-8.3 against 1e-6.
+    let value = core::f64::consts::PI + 4.2 * half;
+    let mut bank = all_round(nis);
+    for _ in 0..3 {
+        tell(&mut bank, 0, &Direct(offset), value, 1e-6);
+    }
+    // The 1σ of the measurement is 1e-3.
+    assert!((offset.read(&bank.belief().x) - value).abs() < 3e-3);
+    // One start alone is the filter with its gate.
+    let mut known = pointing().0.belief().clone();
+    known.covariance.set_sigmas(&pointing().0.layout().blocks()[0].clone(), &[half]);
+    let mut bank = Bank::new(BankLimits::DEFAULT, || (Box::new(pointing().0), nis()));
+    bank.set_belief(known);
+    let verdict = tell(&mut bank, 0, &Direct(offset), 4.2 * half, 1e-6);
+    assert_eq!((verdict, bank.count()), (Verdict::Rejected, 1));
+}
