@@ -84,6 +84,8 @@ struct Report {
     /// Whether the gate of the sensor leaves it open whether a measurement is false.
     may_be_false: bool,
     weighed: Weighed,
+    /// Whether its gate rejected the measurement, and [`Bank::is_in_doubt`].
+    is_in_doubt: bool,
 }
 
 impl Report {
@@ -100,6 +102,7 @@ impl Report {
             weight: 0.0,
             may_be_false: false,
             weighed: Weighed::Nothing,
+            is_in_doubt: false,
         }
     }
 
@@ -147,8 +150,6 @@ struct Hypothesis {
     weight: f64,
     /// Whether it continues the hypothesis that is shown.
     is_successor: bool,
-    /// The number of the start that it continues.
-    start: usize,
     report: Report,
 }
 
@@ -160,7 +161,6 @@ impl Memory for Hypothesis {
             outcomes,
             weight,
             is_successor,
-            start,
             // It belongs to the current update only.
             report: _,
         } = self;
@@ -169,7 +169,6 @@ impl Memory for Hypothesis {
         outcomes.remember(tape);
         weight.remember(tape);
         is_successor.remember(tape);
-        start.remember(tape);
     }
 }
 
@@ -181,7 +180,6 @@ impl Hypothesis {
             gates,
             weight: 0.0,
             is_successor: true,
-            start: 0,
             report: Report::empty(),
         }
     }
@@ -479,8 +477,15 @@ impl Bank {
             Weighed::Good { density, .. } => Some(h.weight + density),
             _ => Some(h.weight),
         };
-        let share = self.hypotheses.iter().filter_map(mean).reduce(log_sum).map_or(0.0, |all| all - before);
-        let rivals = self.best_of_two_starts();
+        let share = self
+            .hypotheses
+            .iter()
+            .filter_map(mean)
+            .reduce(log_sum)
+            .map_or(0.0, |all| all - before);
+        for k in 0..self.hypotheses.len() {
+            self.hypotheses[k].report.is_in_doubt = self.hypotheses[k].report.verdict == Verdict::Rejected && self.is_in_doubt(k);
+        }
         for k in 0..self.hypotheses.len() {
             let hypothesis = &mut self.hypotheses[k];
             let weight = hypothesis.weight;
@@ -490,8 +495,7 @@ impl Bank {
                 _ => 0.0,
             };
             if let Weighed::Good { density, .. } = hypothesis.report.weighed
-                && hypothesis.report.verdict == Verdict::Rejected
-                && rivals[usize::from(rivals[0].0 == self.hypotheses[k].start)].1 > weight + math::ln(FALSE)
+                && hypothesis.report.is_in_doubt
                 && density > floor - offer.depth
                 && self.overrule(k, weight + density, offer)
             {
@@ -500,15 +504,12 @@ impl Bank {
         }
     }
 
-    /// The most probable start and its weight, then the second start and its weight; −∞ if only one start is left.
-    fn best_of_two_starts(&self) -> [(usize, f64); 2] {
-        let best = |other_than: Option<usize>| {
-            let starts = self.hypotheses.iter().filter(|h| Some(h.start) != other_than);
-            let weights = starts.map(|h| (h.start, h.weight));
-            weights.fold((usize::MAX, f64::NEG_INFINITY), |best, h| if h.1 > best.1 { h } else { best })
-        };
-        let first = best(None);
-        [first, best(Some(first.0))]
+    /// Whether it is more probable that another start is the true one, instead of hypothesis number `k`, than that
+    /// a measurement is false. Hypotheses belong to one start if their angles differ by less than the 1σ of a start.
+    fn is_in_doubt(&mut self, k: usize) -> bool {
+        let sigma = 0.5 * TAU / self.limits.starts as f64;
+        let least = self.hypotheses[k].weight + math::ln(FALSE);
+        (0..self.hypotheses.len()).any(|other| self.hypotheses[other].weight > least && self.apart(k, other) > sigma)
     }
 
     /// Continues hypothesis number `k`, whose gate has rejected the measurement, also with the measurement in use. A
@@ -697,7 +698,7 @@ impl Estimator for Bank {
             self.spare.extend(self.hypotheses.pop());
         }
         let first = &mut self.hypotheses[0];
-        (first.weight, first.is_successor, first.start) = (0.0, true, 0);
+        (first.weight, first.is_successor) = (0.0, true);
         first.outcomes.fill(None);
         self.rivals = Rivals::NONE;
         let starts = headings(&belief, first.estimator.layout(), self.limits.starts.min(self.limits.most));
@@ -711,7 +712,7 @@ impl Estimator for Bank {
                 other.is_successor = false;
                 self.hypotheses.push(other);
             }
-            (self.hypotheses[k].weight, self.hypotheses[k].start) = (weight, k);
+            self.hypotheses[k].weight = weight;
             self.hypotheses[k].estimator.set_belief(belief);
         }
         self.compare();

@@ -479,7 +479,11 @@ fn a_follower_that_its_own_gate_rejects_counts_as_any_false_measurement() {
     for _ in 0..3 {
         tell(&mut bank, 1, &Direct(pointing().1), 10.0 * VAGUE.sqrt(), VAGUE);
     }
-    assert!(bank.belief().x[0].abs() > 0.5, "one that rejected the fix is shown: {}", bank.belief().x[0]);
+    assert!(
+        bank.belief().x[0].abs() > 0.5,
+        "one that rejected the fix is shown: {}",
+        bank.belief().x[0]
+    );
 }
 
 #[test]
@@ -538,7 +542,7 @@ fn another_hypothesis_is_shown_once_it_is_more_probable_by_the_declared_factor()
             assert!(ratio < 1.2 * f64::ln(switch), "{k} {ratio}");
         }
     }
-    
+
     assert!(needed[1] > needed[0], "{needed:?}");
 }
 
