@@ -4,6 +4,7 @@ bit by bit, and prints what they cost as a table.
     python3 examples/microcontroller/measure.py            prints the table
     python3 examples/microcontroller/measure.py --write    and writes it into README.md
     python3 examples/microcontroller/measure.py --check    compares one design on two boards with README.md
+    python3 examples/microcontroller/measure.py --law      compares the estimates of all shipped designs on a Cortex-M7
 
 It needs the programs qemu-system-arm and qemu-system-riscv32, the targets thumbv7em-none-eabihf and
 riscv32imafc-unknown-none-elf of rustup, and its component llvm-tools. A difference of a bit ends it with an error.
@@ -21,6 +22,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 FILTER = HERE / "filter"
 README = ROOT / "README.md"
+DATA = Path(os.environ.get("FUSION_DATA", ROOT.parent / "shared/data"))
 BEGIN, END = "<!-- ANCHOR: cost -->", "<!-- ANCHOR_END: cost -->"
 
 HEAD = [
@@ -59,23 +61,27 @@ def run(*command: str, **more) -> str:
     return done.stdout
 
 
-def compile_design(fusion: str, design: str, changes: list[str]) -> str:
-    """Writes the crate and its rows. Returns the number and hash of the estimates on this computer, with `libm`."""
+def compile_design(fusion: str, path: Path, changes: list[str]) -> str | None:
+    """Writes the crate and its rows. Returns the number and hash of the estimates on this computer, with `libm`; nothing
+    for a design that is refused."""
     shutil.rmtree(FILTER, ignore_errors=True)
-    path = ROOT / design
     settings = [word for change in changes for word in ("--set", change)]
-    run(fusion, "compile", str(path), "--rows", "--out", str(FILTER), "--crates", str(ROOT), *settings)
-    cargo = ["cargo", "run", "--quiet", "--release", "--example", "replay"]
+    data = ["--data", str(DATA)] if DATA.is_dir() else []
+    command = [fusion, "compile", str(path), "--rows", "--out", str(FILTER), "--crates", str(ROOT), *settings, *data]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        print(f"{path.relative_to(ROOT)}: {done.stderr.splitlines()[0]}", flush=True)
+        return None
     with open(FILTER / "rows.bin", "rb") as rows:
         target = {**os.environ, "CARGO_TARGET_DIR": str(HERE / "target/host")}
-        return run(*cargo, cwd=FILTER, stdin=rows, env=target).strip()
+        return run("cargo", "run", "--quiet", "--release", "--example", "replay", cwd=FILTER, stdin=rows, env=target).strip()
 
 
-def measure(board: str) -> dict[str, list[str]]:
-    """What the program prints on a board, by its first word, and its size."""
+def replay(board: str, profile: dict[str, str]) -> tuple[Path, dict[str, list[str]]]:
+    """The program for a board, and what it prints there, by its first word."""
     triple, processor, emulator = BOARDS[board]
     target = HERE / "target" / (processor or "riscv")
-    environment = {**os.environ, "CARGO_TARGET_DIR": str(target)}
+    environment = {**os.environ, **profile, "CARGO_TARGET_DIR": str(target)}
     if processor:
         environment["RUSTFLAGS"] = f"-C target-cpu={processor}"
     run("cargo", "build", "--quiet", "--release", "--target", triple, cwd=HERE, env=environment)
@@ -86,6 +92,37 @@ def measure(board: str) -> dict[str, list[str]]:
     for line in printed.splitlines():
         word, *rest = line.split()
         facts.setdefault(word, []).append(" ".join(rest))
+    return program, facts
+
+
+def compare(name: str, board: str, facts: dict[str, list[str]], expected: str) -> None:
+    if facts.get("estimates") != [expected]:
+        sys.exit(f"{name} on {board}: estimates {facts.get('estimates')}, on this computer {expected}")
+
+
+def law(fusion: str) -> None:
+    """All shipped designs: built soon, not small, since this changes no bit. Four hours take an hour: five minutes."""
+    soon = {"CARGO_PROFILE_RELEASE_LTO": "off", "CARGO_PROFILE_RELEASE_CODEGEN_UNITS": "16"}
+    compared = 0
+    for path in sorted((ROOT / "configs").rglob("*.toml")):
+        text = path.read_text()
+        if "[process]" not in text or "parts" in path.parts:
+            continue
+        changes = ["simulation.draw_start=false"] if "[simulation" in text else []
+        changes += ["simulation.longest=300"] if "sea-trial" in path.name else []
+        expected = compile_design(fusion, path, changes)
+        if expected is None:
+            continue
+        _, facts = replay("Cortex-M7", soon)
+        compare(path.name, "Cortex-M7", facts, expected)
+        compared += 1
+        print(f"{path.relative_to(ROOT)}: {expected}, equal", flush=True)
+    print(f"{compared} designs have equal bits")
+
+
+def measure(board: str) -> dict[str, list[str]]:
+    """What the program prints on a board, and its size."""
+    program, facts = replay(board, {})
     tools = Path(run("rustc", "--print", "sysroot").strip()).glob("lib/rustlib/*/bin")
     tools = next((folder for folder in tools if (folder / "llvm-size").exists()), None)
     if tools is None:
@@ -96,7 +133,9 @@ def measure(board: str) -> dict[str, list[str]]:
     # Without the block of the heap, which is as large as the largest design needs.
     facts["static"] = [str(size.get(".data", 0) + size.get(".bss", 0) - (1 << 20))]
     assembly = run(str(tools / "llvm-objdump"), "-d", "--demangle", "--no-show-raw-insn", str(program))
-    facts["panics"] = [str(len(re.findall(r"^.*\b(?:bl|jal\w*|call|tail|b\.?\w*)\b.*<core::(?:panicking|option::\w*fail|result::\w*fail|slice::index::\w*fail|cell::panic)", assembly, re.M)))]
+    # Branches, with or without a link, to functions that panic.
+    branch = r"\t(?:bl?|blx|b\.w|jal|jalr|j|call|tail)\b.*<(?:core::(?:panicking|cell::panic\w*|option::\w*fail\w*|result::\w*fail\w*|slice::\w+::\w*fail\w*)|alloc::\w+::\w*(?:error|overflow))"
+    facts["panics"] = [str(len(re.findall(branch, assembly)))]
     return facts
 
 
@@ -141,16 +180,21 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     arguments.add_argument("--check", action="store_true", help="compares one design on two boards with README.md")
     arguments.add_argument("--write", action="store_true", help="writes the table into README.md")
+    arguments.add_argument("--law", action="store_true", help="compares the estimates of all shipped designs")
     arguments.add_argument("--fusion", default=str(ROOT / "target/release/fusion"), help="the program `fusion`")
     given = arguments.parse_args()
+    if given.law:
+        law(given.fusion)
+        return
     lines = [f"| {' | '.join(HEAD)} |", "|" + "---|" * len(HEAD)]
     print(*lines, sep="\n")
     for name, (design, changes) in list(DESIGNS.items())[: 1 if given.check else None]:
-        expected = compile_design(given.fusion, design, changes)
+        expected = compile_design(given.fusion, ROOT / design, changes)
+        if expected is None:
+            sys.exit(1)
         for board in ["Cortex-M7", "RISC-V"] if given.check else BOARDS:
             facts = measure(board)
-            if facts.get("estimates") != [expected]:
-                sys.exit(f"{name} on {board}: estimates {facts.get('estimates')}, on this computer {expected}")
+            compare(name, board, facts, expected)
             lines.append(row(name, board, facts))
             print(lines[-1], flush=True)
             if given.check:

@@ -201,7 +201,7 @@ Examples:
   fusion stress drive.toml --draw 200 --runs 1..101 --part c.cbor    cases count from 1
   fusion compare a.toml b.toml --runs 0..50 --part d.cbor")]
     Merge(merge::MergeArgs),
-    /// Write a Rust program that assembles the filter of a design, without parser and `std`, for a vehicle.
+    /// Write a crate in Rust, or a library for C, that assembles the filter of a design: no parser, no `std`.
     ///
     /// The program calls the constructors of the blocks with their numbers, bit by bit. With the same rows it has the
     /// estimates of the design with the kernel `portable`. Banks of hypotheses, filters inside stages and

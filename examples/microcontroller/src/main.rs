@@ -51,13 +51,17 @@ fn replay() -> Result<(), &'static str> {
     unsafe { ARENA.place((&raw mut MEMORY).cast(), ROOM) }
     let counter = Counter::start().ok_or("the clock is in use")?;
 
+    // Above the stack that is measured.
+    let mut source = Source::open()?;
+    let mut row = [0.0; 64];
+
     let painted = Painted::new();
     let mut vehicle = assemble();
     let assembled = ARENA.most_used();
     let mut costs = [Cost::default(); STREAMS.len()];
     let mut at_start = None;
     let mut count = 0;
-    each_row(|stream, time, row| {
+    each_row(&mut source, &mut row, |stream, time, row| {
         let mut observer = |event: &Event<'_>| count += u64::from(matches!(event, Event::Estimate { .. }));
         let before = counter.now();
         let fed = vehicle.feed(stream, time, row, &mut observer);
@@ -76,7 +80,9 @@ fn replay() -> Result<(), &'static str> {
 
     // The same again, for its bits.
     let (mut vehicle, mut digest) = (assemble(), Digest::default());
-    each_row(|stream, time, row| vehicle.feed(stream, time, row, &mut digest).map_err(|_| "a row was refused"))?;
+    each_row(&mut Source::open()?, &mut row, |stream, time, row| {
+        vehicle.feed(stream, time, row, &mut digest).map_err(|_| "a row was refused")
+    })?;
     vehicle.finish(&mut digest).map_err(|_| "the end was refused")?;
 
     println!("estimates {} {:016x}", digest.count, digest.hash());
@@ -90,20 +96,54 @@ fn replay() -> Result<(), &'static str> {
 }
 
 /// Calls `work` with the stream, the stamp and the numbers of each row.
-fn each_row(mut work: impl FnMut(usize, Time, &[f64]) -> Result<(), &'static str>) -> Result<(), &'static str> {
-    let mut source = File::open(c"rows.bin").map_err(|_| "`rows.bin` cannot be read")?;
-    let mut row = [0.0; 64];
-    let (mut stream, mut time, mut number) = ([0; 4], [0; 8], [0; 8]);
-    while source.read_exact(&mut stream).is_ok() {
+fn each_row(
+    source: &mut Source,
+    row: &mut [f64; 64],
+    mut work: impl FnMut(usize, Time, &[f64]) -> Result<(), &'static str>,
+) -> Result<(), &'static str> {
+    const CUT: &str = "`rows.bin` ends within a row";
+    while let Some(stream) = source.next() {
         let stream = u32::from_le_bytes(stream) as usize;
         let (_, width) = STREAMS.get(stream).ok_or("there is no such stream")?;
         let row = row.get_mut(..*width).ok_or("a row has more than 64 numbers")?;
-        source.read_exact(&mut time).map_err(|_| "`rows.bin` ends within a row")?;
+        let time = i64::from_le_bytes(source.next().ok_or(CUT)?);
         for value in &mut *row {
-            source.read_exact(&mut number).map_err(|_| "`rows.bin` ends within a row")?;
-            *value = f64::from_le_bytes(number);
+            *value = f64::from_le_bytes(source.next().ok_or(CUT)?);
         }
-        work(stream, Time::from_nanos(i64::from_le_bytes(time)), row)?;
+        work(stream, Time::from_nanos(time), row)?;
     }
     Ok(())
+}
+
+/// The bytes of `rows.bin`, many at a time: each call of semihosting stops the processor.
+struct Source {
+    file: File,
+    bytes: [u8; 1024],
+    at: usize,
+    end: usize,
+}
+
+impl Source {
+    fn open() -> Result<Self, &'static str> {
+        let file = File::open(c"rows.bin").map_err(|_| "`rows.bin` cannot be read")?;
+        Ok(Self {
+            file,
+            bytes: [0; 1024],
+            at: 0,
+            end: 0,
+        })
+    }
+
+    /// The next bytes; `None` at the end of the file.
+    fn next<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let mut next = [0; N];
+        for byte in &mut next {
+            if self.at == self.end {
+                (self.at, self.end) = (0, self.file.read(&mut self.bytes).ok()?);
+            }
+            *byte = *self.bytes[..self.end].get(self.at)?;
+            self.at += 1;
+        }
+        Some(next)
+    }
 }
