@@ -57,7 +57,8 @@ fn replay() -> Result<(), &'static str> {
 
     let painted = Painted::new();
     let mut vehicle = assemble();
-    let assembled = ARENA.most_used();
+    let (assembled, assembling) = (ARENA.most_used(), painted.used());
+    let painted = Painted::new();
     let mut costs = [Cost::default(); STREAMS.len()];
     let mut at_start = None;
     let mut count = 0;
@@ -87,7 +88,7 @@ fn replay() -> Result<(), &'static str> {
 
     println!("estimates {} {:016x}", digest.count, digest.hash());
     println!("heap {assembled} {heap}");
-    println!("stack {stack}");
+    println!("stack {assembling} {stack}");
     println!("allocations {later}");
     for (cost, (name, _)) in costs.iter().zip(STREAMS).filter(|(cost, _)| cost.rows > 0) {
         println!("rows {name} {} {} {}", cost.rows, cost.all / cost.rows, cost.most);
