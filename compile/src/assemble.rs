@@ -14,7 +14,7 @@ pub(crate) struct Unwritten {
     pub(crate) what: String,
     /// Its table in the design.
     pub(crate) table: String,
-    /// What to do.
+    /// A remedy.
     pub(crate) help: &'static str,
 }
 

@@ -39,11 +39,11 @@ pub(crate) fn files(design: &Design, plan: &Plan, name: &str, provenance: &Prove
     // The end of a comment has no place in one.
     let line = design.run.description.lines().next().unwrap_or_default().replace("*/", "* /");
     let header = HEADER
-        .replace("FEEDS", &declared)
-        .replace("DESCRIPTION", &line)
-        .replace("VERSION", &provenance.version)
-        .replace("FILE", &provenance.design.replace("*/", "* /"))
-        .replace("HASH", hash);
+        .replace("@FEEDS@", &declared)
+        .replace("@DESCRIPTION@", &line)
+        .replace("@VERSION@", &provenance.version)
+        .replace("@FILE@", &provenance.design.replace("*/", "* /"))
+        .replace("@HASH@", hash);
     let widths: Vec<String> = plan.streams.iter().map(|stream| stream.width().to_string()).collect();
     let most = plan.streams.iter().map(StreamLayout::width).max().unwrap_or(1).max(1);
     let example = |text: &str| {
@@ -80,9 +80,8 @@ fn feeds(plan: &Plan) -> Vec<Feed<'_>> {
             .map(|c| if c.is_ascii_alphanumeric() { c } else { '_' })
             .collect();
         let mut function = format!("fusion_feed_{word}");
-        if !taken.insert(function.clone()) {
+        while !taken.insert(function.clone()) {
             function = format!("{function}_{number}");
-            taken.insert(function.clone());
         }
         feeds.push(Feed { function, number, stream });
     }

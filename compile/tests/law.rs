@@ -58,22 +58,20 @@ fn recorded(design: &Design) -> Result<(Vec<u8>, Digest), Diagnostics> {
     Ok((rows, digest))
 }
 
-/// What the program of the host prints for these rows.
-fn replayed(folder: &Path, rows: &[u8]) -> String {
+/// Cargo in the folder of a written crate, with the mathematics of this program.
+fn cargo(command: &str, folder: &Path) -> Command {
     let mathematics = if cfg!(feature = "libm") { "libm" } else { "std" };
     let mut cargo = Command::new(env!("CARGO"));
-    cargo.args([
-        "run",
-        "--quiet",
-        "--release",
-        "--offline",
-        "--no-default-features",
-        "--features",
-        mathematics,
-        "--example",
-        "replay",
-    ]);
+    cargo.args([command, "--quiet", "--release", "--offline"]);
+    cargo.args(["--no-default-features", "--features", mathematics]);
     cargo.current_dir(folder).env("CARGO_TARGET_DIR", folder.with_file_name("target"));
+    cargo
+}
+
+/// The output of the program of the host for these rows.
+fn replayed(folder: &Path, rows: &[u8]) -> String {
+    let mut cargo = cargo("run", folder);
+    cargo.args(["--example", "replay"]);
     let mut program = cargo.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     program.stdin.take().unwrap().write_all(rows).unwrap();
     let out = program.wait_with_output().unwrap();
@@ -136,7 +134,7 @@ fn numbers(solution: &Solution) -> Vec<f64> {
     all
 }
 
-/// What a program in C or C++ prints that replays rows with the library of `folder`.
+/// The output of a program in C or C++ that replays rows with the library of `folder`.
 fn in_c(compiler: &str, source: &str, folder: &Path, arguments: &[&str], rows: &[u8]) -> String {
     let name = folder.file_name().unwrap_or_default().to_string_lossy().replace('-', "_");
     let library = folder.with_file_name("target").join(format!("release/lib{name}.a"));
@@ -162,19 +160,7 @@ fn compiled_designs_have_their_solutions_in_c() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("compiled/in-c");
     let design = portable(&Path::new(CONFIGS).join("ins-gps.toml")).unwrap();
     written(&design, &folder, Target::C).unwrap();
-    let mathematics = if cfg!(feature = "libm") { "libm" } else { "std" };
-    let mut cargo = Command::new(env!("CARGO"));
-    cargo.args([
-        "build",
-        "--quiet",
-        "--release",
-        "--offline",
-        "--no-default-features",
-        "--features",
-        mathematics,
-    ]);
-    cargo.current_dir(&folder).env("CARGO_TARGET_DIR", folder.with_file_name("target"));
-    assert!(cargo.status().unwrap().success());
+    assert!(cargo("build", &folder).status().unwrap().success());
 
     let (record, _) = recorded(&design).unwrap();
     let mut navigator = Navigator::of(&design).unwrap();
@@ -231,7 +217,7 @@ fn every_shipped_design_that_can_be_compiled_has_the_estimates_of_its_run() {
     }
 }
 
-/// What cannot be compiled is refused, with its place and what to do.
+/// A part that cannot be compiled is refused, with its place and a remedy.
 #[test]
 fn a_bank_and_rewinding_are_refused_at_their_places() {
     let refused = |design: &str, set: &[&str]| {

@@ -1,7 +1,8 @@
 //! The filter of a compiled design on its vehicle. `fusion compile` writes the program that assembles it.
 //!
-//! There is no parser, no registry and no text: a [`Vehicle`] is a runner whose blocks were built by constructors.
-//! It allocates while it is assembled, and when it starts; after that, rows are fed without allocation.
+//! A [`Vehicle`] is a runner whose blocks were built by constructors, without parser, registry and text. It allocates
+//! while it is assembled, when it starts, and for the first measurement of a sensor. After that, rows are fed without
+//! allocation.
 
 #![no_std]
 #![forbid(unsafe_code)]
@@ -68,7 +69,8 @@ impl Vehicle {
         }
     }
 
-    /// Feeds a row of a stream, in SI with angles in radians. `observer` hears what it causes.
+    /// Feeds a row of a stream, in SI with angles in radians. `observer` hears what it causes. A number that is not
+    /// finite is reported as an event. Impossible values, such as a latitude in degrees, are not refused here.
     ///
     /// # Errors
     /// [`FeedError`]; a row that is refused changes nothing.
