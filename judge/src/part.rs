@@ -19,7 +19,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 /// The first entry of every file, and the layout of what follows; another one is refused.
-const FORMAT: (&str, u32) = ("fusion part", 2);
+const FORMAT: (&str, u32) = ("fusion part", 3);
 
 /// The kind of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -429,7 +429,16 @@ impl Parts {
     ///
     /// # Errors
     /// [`Unreadable`], if a part belongs to another work, and if a number is in two parts or in none.
-    pub fn whole(mut parts: Vec<Part>) -> Result<Self, Unreadable> {
+    pub fn whole(parts: Vec<Part>) -> Result<Self, Unreadable> {
+        let first = parts.first().ok_or(Unreadable::Empty)?.head.kind.first();
+        Self::from_number(parts, first)
+    }
+
+    /// The parts of a work from a number on, in any order.
+    ///
+    /// # Errors
+    /// As [`Parts::whole`].
+    pub fn from_number(mut parts: Vec<Part>, mut next: u64) -> Result<Self, Unreadable> {
         let first = parts.first().ok_or(Unreadable::Empty)?;
         for part in &parts {
             first.head.belongs(&part.head).map_err(|why| within(&part.name, why))?;
@@ -443,7 +452,6 @@ impl Parts {
             to: numbers.end - 1,
             again: head.again(&numbers, "FILE"),
         };
-        let mut next = head.kind.first();
         for part in &parts {
             let Range { start: number, end } = part.head.numbers;
             if number < next {

@@ -171,14 +171,14 @@ impl Shown<'_, Campaign> {
     #[must_use]
     pub fn page(&self) -> Page {
         Page {
-            title: format!("{}{} runs", titled(&self.subject.description), self.runs),
+            title: format!("{}{} runs", titled(&self.subject.description), self.runs + self.failed),
             provenance: self.subject.provenance.clone(),
             warnings: self.warnings(),
             sections: self
                 .verdict()
                 .map(|verdict| Section::new("", []).note(verdict))
                 .into_iter()
-                .chain([pooled(&[("all runs", self)]), health(&[("all runs", self)])])
+                .chain([self.failures(), pooled(&[("all runs", self)]), health(&[("all runs", self)])])
                 .chain([Section::new("Errors over the runs", [self.errors()]), self.drift()])
                 .chain(control::spread(self))
                 .chain([
@@ -194,6 +194,34 @@ impl Shown<'_, Campaign> {
                 ])
                 .collect(),
         }
+    }
+
+    /// The first failed runs, with their reasons.
+    fn failures(&self) -> Section {
+        let mut t = Table::new([Column::number("run"), Column::number("seed"), Column::text("reason")]);
+        let failures = self.0.failures();
+        for run in failures {
+            t.row([
+                Cell::text(run.run.to_string()),
+                Cell::text(run.seed.to_string()),
+                Cell::text(&*run.reason),
+            ]);
+        }
+        let section = Section::new("Failed runs, which have no part in the figures", [t]);
+        match self.failed - failures.len() {
+            0 => section,
+            more => section.note(format!("And {more} more: the column `error` of runs.csv has their reasons.")),
+        }
+    }
+
+    /// The number of runs that failed, and how to look at one.
+    fn failed(&self) -> Option<String> {
+        let first = self.0.failures().first()?;
+        let all = self.failed + self.runs;
+        Some(format!(
+            "{} of {all} runs failed; repeat the first one with `fusion run … --seed {}`: {}",
+            self.failed, first.seed, first.reason
+        ))
     }
 
     /// The findings to look at next: those of the median run that at least half of the runs have too.
@@ -225,7 +253,12 @@ impl Shown<'_, Campaign> {
                 self.runs
             )),
         };
-        shared.into_iter().chain(self.ill()).chain(self.spikes()).collect()
+        self.failed()
+            .into_iter()
+            .chain(shared)
+            .chain(self.ill())
+            .chain(self.spikes())
+            .collect()
     }
 
     /// In how many runs samples of the input were taken for spikes.

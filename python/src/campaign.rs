@@ -2,7 +2,7 @@
 
 use crate::design::Design;
 use crate::error::{FusionError, raised};
-use fusion_judge::campaign::{Campaign as Runs, Runner, read, write};
+use fusion_judge::campaign::{Campaign as Runs, Outcome, Runner, read, write};
 use fusion_judge::part::{Head, Kind, Part, Parts, Subject};
 use fusion_present::Shown;
 use pyo3::prelude::*;
@@ -47,7 +47,7 @@ impl Design {
         let ran = py.detach(|| {
             let mut bytes = Vec::new();
             let work = [(Arc::clone(&self.design), options)];
-            Runner::new(seed, threads, false, &|_| ())?.write(&work, &head, &mut bytes)?;
+            let _ = Runner::new(seed, threads, false, &|_| ())?.write(&work, &head, &mut bytes)?;
             Ok(bytes)
         });
         ran.map_err(|mistakes| raised(py, &mistakes)).and_then(Campaign::new)
@@ -64,8 +64,22 @@ impl Campaign {
     /// runs.csv as text.
     fn csv(&self) -> PyResult<String> {
         let mut bytes = Vec::new();
-        write(&self.parts, &mut bytes).map_err(|error| refused(&error))?;
+        write(&self.parts, &self.runs, &mut bytes).map_err(|error| refused(&error))?;
         String::from_utf8(bytes).map_err(|error| refused(&error))
+    }
+
+    /// The failed runs: number and reason.
+    fn failed(&self) -> PyResult<Vec<(u64, String)>> {
+        let mut failed = Vec::new();
+        let mut add = |row: Vec<Outcome>| {
+            failed.extend(row.into_iter().filter_map(|outcome| match outcome {
+                Outcome::Failed(run) => Some((run.run, run.reason)),
+                Outcome::Ended(_) => None,
+            }));
+            Ok(())
+        };
+        self.parts.rows(&mut add).map_err(|error| refused(&error))?;
+        Ok(failed)
     }
 
     fn page(&self, width: usize) -> String {
@@ -77,20 +91,20 @@ impl Campaign {
     }
 
     fn __len__(&self) -> usize {
-        self.runs.runs
+        self.runs.runs + self.runs.failed
     }
 }
 
-/// The campaign that parts make, in any order.
+/// The campaign that parts make, in any order, from the run `first` on.
 #[pyfunction]
-pub(crate) fn merge(py: Python<'_>, parts: Vec<Vec<u8>>) -> PyResult<Campaign> {
+pub(crate) fn merge(py: Python<'_>, parts: Vec<Vec<u8>>, first: u64) -> PyResult<Campaign> {
     py.detach(|| {
         let parts = parts.into_iter().enumerate();
         let read: Result<Vec<Part>, _> = parts
             .map(|(number, part)| Part::in_memory(&format!("part {number}"), part.into()))
             .collect();
         let mut bytes = Vec::new();
-        let joined = Parts::whole(read.map_err(|error| refused(&error))?).and_then(|whole| whole.join(&mut bytes));
+        let joined = Parts::from_number(read.map_err(|error| refused(&error))?, first).and_then(|whole| whole.join(&mut bytes));
         joined.map_err(|error| refused(&error))?;
         Campaign::new(bytes)
     })

@@ -13,7 +13,7 @@ import fusion
 import pytest
 from fusion._campaign import part
 
-from conftest import SIMULATED
+from conftest import RECORDED, SIMULATED
 
 RUNS = 24
 
@@ -55,6 +55,24 @@ def test_a_campaign_tells_its_progress_and_stops_by_an_exception(whole):
 
     with pytest.raises(KeyboardInterrupt):
         design.montecarlo(RUNS, chunk=1, progress=stop)
+
+
+def test_ranges_are_parts_of_a_campaign(whole):
+    design = fusion.Design(SIMULATED)
+    ranges = [design.montecarlo(range(first, first + 8)) for first in (16, 0, 8)]
+    assert [len(campaign) for campaign in ranges] == [8, 8, 8]
+    assert list(ranges[0].to_pandas()["run"]) == list(range(16, 24))
+    assert fusion.merge(campaign.part() for campaign in ranges).to_csv() == whole.to_csv()
+
+
+def test_a_run_that_fails_is_a_row_with_its_reason(whole):
+    assert whole.failed == {} and set(whole.to_pandas()["error"]) == {None}
+    nowhere = fusion.Design(RECORDED, data="/nowhere")
+    native = nowhere._native.montecarlo(0, 3, 1, 1)
+    assert [run for run, _ in native.failed()] == [0, 1, 2] and len(native) == 3
+    assert all("design.toml:40:8: `imu.csv` cannot be read" in reason for _, reason in native.failed())
+    with pytest.raises(fusion.FusionError, match="all runs have failed.*design.toml:40:8"):
+        nowhere.montecarlo(3)
 
 
 def test_parts_that_do_not_belong_together_are_refused():

@@ -150,9 +150,17 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         let head = head.sharing(&references)?;
         let told = |done| bar.at(done as u64, total);
         let runner = Runner::new(seed, 0, false, &told)?;
-        let part = part::work(args.part.as_deref(), |file| runner.write(&work, &head, file))?;
+        let mut failed = None;
+        let part = part::work(args.part.as_deref(), |file| {
+            failed = runner.write(&work, &head, file)?;
+            Ok(())
+        })?;
         drop(bar);
-        let mut page = together(&part.into())?;
+        if let Some(mistakes) = failed.filter(|_| args.part.is_none()) {
+            return Err(mistakes.into());
+        }
+        let parts = part.into();
+        let mut page = together(&parts, &read(&parts).map_err(refused)?)?;
         page.sections.extend(args.part.clone().map(|path| written([path])));
         return args.output.print(&page);
     }
@@ -215,15 +223,14 @@ fn other_references(names: &[String], work: &[(Design, Options)]) -> Vec<String>
 }
 
 /// The figures of campaigns over the same seeds.
-pub(super) fn together(parts: &Parts) -> Result<Page, Failure> {
-    let campaigns = read(parts).map_err(refused)?;
+pub(super) fn together(parts: &Parts, campaigns: &[Campaign]) -> Result<Page, Failure> {
     let named: Vec<(&str, &Campaign)> = campaigns.iter().map(|c| (c.subject.name.as_str(), c)).collect();
     let told = named
         .iter()
         .flat_map(|(name, c)| Shown(*c).warnings().into_iter().map(move |w| format!("{name}: {w}")));
     let references: Vec<String> = parts.shared().map_err(refused)?;
     Ok(Page {
-        title: format!("{} runs each", campaigns.first().map_or(0, |c| c.runs)),
+        title: format!("{} runs each", campaigns.first().map_or(0, |c| c.runs + c.failed)),
         provenance: Provenance::common(named.iter().map(|(_, campaign)| &campaign.subject.provenance)),
         warnings: told.chain(references).collect(),
         sections: vec![pooled(&named), health(&named)],

@@ -71,27 +71,37 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
     let over_time = args.out.is_some() || args.part.is_some();
     let runner = Runner::new(args.seed, args.threads, over_time, &told)?;
     let work = [(design, options)];
-    let part = part::work(args.part.as_deref(), |file| runner.write(&work, &head, file))?;
+    let mut failed = None;
+    let part = part::work(args.part.as_deref(), |file| {
+        failed = runner.write(&work, &head, file)?;
+        Ok(())
+    })?;
     drop(bar);
-    let mut page = results(&part.into(), args.out.as_deref(), files, Some(&work[0]))?;
+    if let Some(mistakes) = failed.filter(|_| args.part.is_none()) {
+        return Err(mistakes.into());
+    }
+    let parts = part.into();
+    let mut page = results((&parts, &only(&parts)?), args.out.as_deref(), files, Some(&work[0]))?;
     page.sections.extend(args.part.clone().map(|path| written([path])));
     args.output.print(&page)
 }
 
+/// The campaign of one design.
+pub(super) fn only(parts: &Parts) -> Result<Campaign, Failure> {
+    let first = read(parts).map_err(refused)?.into_iter().next();
+    first.ok_or_else(|| Diagnostic::error("a campaign of one design was asked for").into())
+}
+
 /// The page of a campaign, after its files are written. The worst runs need the design.
 pub(super) fn results(
-    parts: &Parts,
+    (parts, campaign): (&Parts, &Campaign),
     out: Option<&Path>,
     files: Option<FileSet>,
     design: Option<&(Design, Options)>,
 ) -> Result<Page, Failure> {
-    let campaigns = read(parts).map_err(refused)?;
-    let [campaign] = campaigns.as_slice() else {
-        return Err(Diagnostic::error("a campaign of one design was asked for").into());
-    };
     let mut page = Shown(campaign).page();
     if let (Some(out), Some(mut files)) = (out, files) {
-        files.write("runs.csv", |file| write(parts, file))?;
+        files.write("runs.csv", |file| write(parts, campaign, file))?;
         let reports = design.map_or(Ok(Vec::new()), |design| worst_reports(campaign, design, &mut files))?;
         let look = |row: &RunRow| Look {
             command: format!("{} --seed {} --out run-{}", parts.head().run, row.seed, row.run),

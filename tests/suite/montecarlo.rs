@@ -82,6 +82,21 @@ fn lost_runs_are_told_with_their_seeds() {
     assert!(w.read("out/montecarlo.html").contains("health at worst"));
 }
 
+/// A part is written for the merge even if all its runs fail; the whole campaign without a result is an error.
+#[test]
+fn a_campaign_without_a_result_is_an_error_and_its_part_is_none() {
+    let w = Workspace::new("montecarlo-failed");
+    let design = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/real/auv.toml");
+    let with = |args: &[&str]| w.fusion(&[&["montecarlo", design, "--data", "nowhere"], args].concat());
+    let told = stderr(&with(&["-n", "2"]).code(2));
+    assert!(told.contains("there is no such file") && told.contains("auv.toml:55"), "{told}");
+    let part = with(&["--runs", "0..2", "--part", "a"]).success();
+    assert!(stderr(&part).contains("2 of 2 runs failed"), "{}", stderr(&part));
+    assert!(stdout(&part).contains("Failed runs"), "{}", stdout(&part));
+    let told = stderr(&w.fusion(&["merge", "a"]).failure());
+    assert!(told.contains("all runs have failed, the first one") && told.contains("auv.toml:55:8"), "{told}");
+}
+
 /// The law of parts: any split, in any order, gives the bytes of one process.
 #[test]
 fn parts_of_a_campaign_make_the_whole_in_any_order() {

@@ -232,6 +232,22 @@ impl Diagnostic {
         }
     }
 
+    /// It in one line: the place, the mistake and the help, such as `car.toml:3:7: no such block; write …`.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let (file, line, column) = self.place.position();
+        let numbers = [line, column].into_iter().flatten().map(|n| n.to_string());
+        let place: Vec<String> = file.map(str::to_owned).into_iter().chain(numbers).collect();
+        let place = if place.is_empty() {
+            String::new()
+        } else {
+            format!("{}: ", place.join(":"))
+        };
+        let help = self.help.iter().map(|help| format!("; {help}"));
+        let told: String = [place, self.message.clone()].into_iter().chain(help).collect();
+        told.replace('\n', " ")
+    }
+
     fn render(&self, renderer: &Renderer) -> String {
         let level = match self.severity {
             Severity::Error => Level::ERROR,

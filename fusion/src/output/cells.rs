@@ -91,6 +91,12 @@ impl<W: Write> Cells<W> {
         texts.into_iter().try_for_each(|text| self.text(text))
     }
 
+    /// The number of cells of the current row.
+    #[must_use]
+    pub const fn width(&self) -> usize {
+        self.begun
+    }
+
     /// Ends the row.
     pub fn end(&mut self) -> io::Result<()> {
         let cells = core::mem::take(&mut self.begun);

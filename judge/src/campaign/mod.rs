@@ -13,11 +13,13 @@ mod row;
 mod run;
 mod runs;
 mod statistics;
+#[cfg(test)]
+mod tests;
 mod worst;
 
 pub use figures::{CONTROL, Ends, Figure, OutageTally, RunSpread, SensorTally, Statistic};
 pub use history::{FANS, History, Together, together};
-pub use row::{RunHealth, RunRow};
+pub use row::{FailedRun, Outcome, RunHealth, RunRow};
 pub use run::{Runner, Runs, monte_carlo, read, seed_of};
 pub use runs::{Table, write};
 pub use statistics::{Campaign, Compared, Duel, Independence, Pace, Pooled, Undeclared};

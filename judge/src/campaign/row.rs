@@ -1,12 +1,44 @@
 //! The result of one run of a campaign.
 
 use super::History;
+use fusion::config::{Diagnostic, Diagnostics, Severity};
 use fusion::health::{FilterHealth, State};
 use fusion::observe::SensorStatistics;
 use fusion::run::{Finding, Summary};
 use fusion::score::{Axes, BlockScore, Consistency, Convergence, Drift, Episodes};
 use fusion_models::sim::Record;
 use serde::{Deserialize, Serialize};
+
+/// How one run of a campaign ended.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub enum Outcome {
+    /// At the end of its data.
+    Ended(Box<RunRow>),
+    /// Before the end of its data.
+    Failed(FailedRun),
+}
+
+impl Outcome {
+    /// The result of a run that reached the end of its data.
+    #[must_use]
+    pub fn ended(self) -> Option<RunRow> {
+        match self {
+            Self::Ended(row) => Some(*row),
+            Self::Failed(_) => None,
+        }
+    }
+}
+
+/// A run without a result.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FailedRun {
+    /// Its number.
+    pub run: u64,
+    /// Its seed.
+    pub seed: u64,
+    /// Why it failed, in one line: the place, the mistake and the help.
+    pub reason: String,
+}
 
 /// The result of one Monte Carlo run. It has no timing, so that it is a function of its seed. An error without a
 /// reference is NaN.
@@ -92,6 +124,17 @@ impl RunHealth {
                 0.0
             },
             as_declared: health.is_ill_as_declared(),
+        }
+    }
+}
+
+impl FailedRun {
+    pub(super) fn new(run: u64, seed: u64, mistakes: &Diagnostics) -> Self {
+        let mistake = mistakes.iter().find(|d| d.severity == Severity::Error).or(mistakes.iter().next());
+        Self {
+            run,
+            seed,
+            reason: mistake.map(Diagnostic::line).unwrap_or_default(),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Runs in parallel, and their rows in order.
 
 use super::figures::{RunSpread, Tally};
-use super::{Campaign, FANS, History, RunRow, Table};
+use super::{Campaign, FANS, FailedRun, History, Outcome, RunRow, Table};
 use crate::part::{Effort, Head, Parts, Subject, Unreadable, Writer};
 use core::borrow::Borrow;
 use core::ops::Range;
@@ -49,7 +49,7 @@ impl Runs {
     /// # Errors
     /// The errors of the writer.
     pub fn write(&self, out: impl Write) -> io::Result<()> {
-        let mut table = Table::new(out);
+        let mut table = Table::begin(out, self.rows.first())?;
         self.rows.iter().try_for_each(|row| table.add(row))?;
         table.finish()
     }
@@ -71,7 +71,8 @@ pub fn monte_carlo(
 ) -> Result<Runs, Diagnostics> {
     let begun = Instant::now();
     let runner = Runner::new(seed, threads, false, progress)?;
-    let rows = runner.run(design, options, runs, &SharedCourse::default())?;
+    let rows = runner.run(design, options, runs, &SharedCourse::default());
+    let rows: Vec<RunRow> = rows.into_iter().collect::<Result<_, _>>()?;
     let mut campaign = Campaign::new(Subject::new("", design, seed));
     rows.iter().for_each(|row| campaign.add(row));
     let again = |run| Ok::<_, Infallible>(rows.iter().find(|row| row.run == run).cloned());
@@ -112,32 +113,53 @@ impl<'a> Runner<'a> {
         })
     }
 
-    /// Runs every design once for each number of the head, and writes a row for each number: the runs of all designs.
+    /// Runs every design once for each number of the head, and writes a row for each number: the [outcomes](Outcome) of
+    /// all designs. If all runs of a design have failed, it returns why the first one did.
     ///
     /// # Errors
-    /// The diagnostics of the first failing run; the file cannot be written.
-    pub fn write<W: Write>(&self, designs: &[(impl Borrow<Design>, Options)], head: &Head, out: W) -> Result<(), Diagnostics> {
+    /// The file cannot be written.
+    pub fn write<W: Write>(
+        &self,
+        designs: &[(impl Borrow<Design>, Options)],
+        head: &Head,
+        out: W,
+    ) -> Result<Option<Diagnostics>, Diagnostics> {
         let begun = Instant::now();
         let unwritable = |e: io::Error| Diagnostics::from(Diagnostic::error(format!("the part cannot be written: {e}")));
         let courses: Vec<SharedCourse> = designs.iter().map(|_| SharedCourse::default()).collect();
         let mut part = Writer::begin(out, head).map_err(unwritable)?;
         let mut numbers = head.numbers.clone();
+        let mut ended = vec![false; designs.len()];
+        let mut first: Vec<Option<Diagnostics>> = vec![None; designs.len()];
         while !numbers.is_empty() {
             let end = numbers.end.min(numbers.start.saturating_add(BLOCK));
             let block = designs.iter().zip(&courses);
             let block = block.map(|((design, options), course)| self.run(design.borrow(), options, numbers.start..end, course));
-            let mut block: Vec<_> = block.collect::<Result<Vec<_>, _>>()?.into_iter().map(Vec::into_iter).collect();
-            for _ in numbers.start..end {
-                let row: Vec<RunRow> = block.iter_mut().filter_map(Iterator::next).collect();
-                part.put(&row).map_err(unwritable)?;
+            let mut block: Vec<_> = block.map(Vec::into_iter).collect();
+            for number in numbers.start..end {
+                let ran = block.iter_mut().filter_map(Iterator::next);
+                let row = ran.zip(ended.iter_mut().zip(&mut first)).map(|(ran, (ended, first))| match ran {
+                    Ok(row) => {
+                        *ended = true;
+                        Outcome::Ended(Box::new(row))
+                    }
+                    Err(mistakes) => {
+                        let failed = FailedRun::new(number, seed_of(self.seed, number), &mistakes);
+                        first.get_or_insert(mistakes);
+                        Outcome::Failed(failed)
+                    }
+                });
+                part.put(&row.collect::<Vec<Outcome>>()).map_err(unwritable)?;
             }
             numbers.start = end;
         }
-        part.end(self.effort(begun)).map_err(unwritable)
+        part.end(self.effort(begun)).map_err(unwritable)?;
+        let failed = ended.into_iter().zip(first).filter(|(ended, _)| !ended);
+        Ok(failed.filter_map(|(_, mistakes)| mistakes).next())
     }
 
     /// The runs of a design, in order.
-    fn run(&self, design: &Design, options: &Options, numbers: Range<u64>, course: &SharedCourse) -> Result<Vec<RunRow>, Diagnostics> {
+    fn run(&self, design: &Design, options: &Options, numbers: Range<u64>, course: &SharedCourse) -> Vec<Result<RunRow, Diagnostics>> {
         let one = |number: u64| -> Result<RunRow, Diagnostics> {
             let seed = seed_of(self.seed, number);
             let options = Options {
@@ -151,9 +173,9 @@ impl<'a> Runner<'a> {
             let mut history = (self.over_time && number < FANS).then(|| History::new(design));
             let mut observers: Vec<&mut dyn RunObserver> = Vec::new();
             observers.extend(history.as_mut().map(|h| h as &mut dyn RunObserver));
-            let summary = run_sharing(design, &options, course, &mut observers)?;
+            let summary = run_sharing(design, &options, course, &mut observers);
             (self.progress)(self.done.fetch_add(1, Ordering::Relaxed) + 1);
-            Ok(RunRow::new(number, seed, &summary, history))
+            Ok(RunRow::new(number, seed, &summary?, history))
         };
         self.pool.install(|| numbers.into_par_iter().map(one).collect())
     }
@@ -172,14 +194,17 @@ impl<'a> Runner<'a> {
 /// [`Unreadable`], if a part is damaged.
 pub fn read(parts: &Parts) -> Result<Vec<Campaign>, Unreadable> {
     let mut campaigns: Vec<Campaign> = parts.head().subjects.iter().cloned().map(Campaign::new).collect();
-    let effort = parts.rows(&mut |rows: Vec<RunRow>| {
-        campaigns.iter_mut().zip(&rows).for_each(|(campaign, row)| campaign.add(row));
+    let effort = parts.rows(&mut |rows: Vec<Outcome>| {
+        campaigns.iter_mut().zip(rows).for_each(|(campaign, row)| match row {
+            Outcome::Ended(row) => campaign.add(&row),
+            Outcome::Failed(run) => campaign.add_failed(run),
+        });
         Ok(())
     })?;
     for (k, campaign) in campaigns.iter_mut().enumerate() {
         campaign.finish(effort, |run| {
-            let rows: Option<Vec<RunRow>> = parts.row(run)?;
-            Ok::<_, Unreadable>(rows.and_then(|rows| rows.into_iter().nth(k)))
+            let rows: Option<Vec<Outcome>> = parts.row(run)?;
+            Ok::<_, Unreadable>(rows.and_then(|rows| rows.into_iter().nth(k)?.ended()))
         })?;
     }
     Ok(campaigns)

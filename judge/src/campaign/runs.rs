@@ -1,6 +1,6 @@
 //! runs.csv.
 
-use super::{RunHealth, RunRow};
+use super::{Campaign, FailedRun, Outcome, RunHealth, RunRow};
 use crate::part::Parts;
 use fusion::observe::SensorStatistics;
 use fusion::output::Cells;
@@ -10,32 +10,45 @@ use std::io::{self, Write};
 /// runs.csv, row by row: one row per run and no timing, the same file for any number of threads.
 ///
 /// Innovations are in SI units, per residual row from 1. A cell without a value is empty, such as `missed` and `false` for
-/// a sensor without declared faults.
+/// a sensor without declared faults. A failed run has its number, its seed, and its reason in the last column.
 #[derive(Debug)]
 pub struct Table<W: Write> {
     cells: Cells<W>,
-    is_begun: bool,
+    /// The number of columns.
+    width: usize,
 }
 
 impl<W: Write> Table<W> {
-    /// Without rows.
-    pub fn new(out: W) -> Self {
-        Self {
-            cells: Cells::new(out),
-            is_begun: false,
-        }
+    /// Writes the names of the columns: those of a run with a result, such as the first.
+    ///
+    /// # Errors
+    /// The errors of the writer.
+    pub fn begin(out: W, like: Option<&RunRow>) -> io::Result<Self> {
+        let mut cells = Cells::new(out);
+        header(&mut cells, like)?;
+        let width = cells.width();
+        cells.end()?;
+        Ok(Self { cells, width })
     }
 
-    /// Writes a row; the names of the columns come before the first one.
+    /// Writes the row of a failed run.
+    ///
+    /// # Errors
+    /// The errors of the writer.
+    pub fn add_failed(&mut self, run: &FailedRun) -> io::Result<()> {
+        self.cells.put(run.run)?;
+        self.cells.put(run.seed)?;
+        (3..self.width).try_for_each(|_| self.cells.text(""))?;
+        self.cells.text(&run.reason)?;
+        self.cells.end()
+    }
+
+    /// Writes the row of a run.
     ///
     /// # Errors
     /// The errors of the writer.
     pub fn add(&mut self, row: &RunRow) -> io::Result<()> {
         let cells = &mut self.cells;
-        if !self.is_begun {
-            self.is_begun = true;
-            header(cells, row)?;
-        }
         cells.put(row.run)?;
         cells.put(row.seed)?;
         let nees = row.nees.map(|c| c.map_or(f64::NAN, |c| c.mean));
@@ -55,6 +68,7 @@ impl<W: Write> Table<W> {
             [nees].into_iter().chain(ends).try_for_each(|value| real(cells, value))?;
         }
         row.sensors.iter().try_for_each(|sensor| sensor_cells(cells, sensor))?;
+        cells.text("")?;
         cells.end()
     }
 
@@ -67,18 +81,22 @@ impl<W: Write> Table<W> {
     }
 }
 
-/// Writes runs.csv of the first design of the parts.
+/// Writes runs.csv of the first design of the parts, whose runs are those of `campaign`.
 ///
 /// # Errors
 /// The errors of the writer; a part that is damaged.
-pub fn write(parts: &Parts, out: impl Write) -> io::Result<()> {
-    let mut table = Table::new(out);
-    let mut add = |rows: Vec<RunRow>| rows.first().map_or(Ok(()), |row| table.add(row));
+pub fn write(parts: &Parts, campaign: &Campaign, out: impl Write) -> io::Result<()> {
+    let mut table = Table::begin(out, campaign.first())?;
+    let mut add = |rows: Vec<Outcome>| match rows.first() {
+        Some(Outcome::Ended(row)) => table.add(row),
+        Some(Outcome::Failed(run)) => table.add_failed(run),
+        None => Ok(()),
+    };
     parts.rows(&mut add).map_err(io::Error::other)?;
     table.finish()
 }
 
-fn header(cells: &mut Cells<impl Write>, row: &RunRow) -> io::Result<()> {
+fn header(cells: &mut Cells<impl Write>, like: Option<&RunRow>) -> io::Result<()> {
     cells.texts(["run", "seed", "rms_n_m", "rms_e_m", "rms_d_m", "max_n_m", "max_e_m", "max_d_m"])?;
     cells.texts([
         "rms_vn_mps",
@@ -90,9 +108,11 @@ fn header(cells: &mut Cells<impl Write>, row: &RunRow) -> io::Result<()> {
     ])?;
     cells.texts(["nees_position", "nees_velocity", "nees_attitude"])?;
     cells.texts(["worst_health", "health_at_end", "ill_share", "drift_percent", "drift_m"])?;
-    row.blocks.iter().try_for_each(|block| block_header(cells, block))?;
-    row.sensors.iter().try_for_each(|sensor| sensor_header(cells, sensor))?;
-    cells.end()
+    if let Some(row) = like {
+        row.blocks.iter().try_for_each(|block| block_header(cells, block))?;
+        row.sensors.iter().try_for_each(|sensor| sensor_header(cells, sensor))?;
+    }
+    cells.text("error")
 }
 
 /// A number, or an empty cell if it is not finite.

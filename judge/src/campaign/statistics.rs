@@ -5,7 +5,7 @@
 
 use super::figures::{Ends, Figure, OutageTally, RunSpread, SensorTally, Statistic, Tally};
 use super::worst::Worst;
-use super::{History, RunRow};
+use super::{FailedRun, History, RunRow};
 use crate::part::{Effort, Subject};
 use fusion::health::State;
 use fusion::run::Finding;
@@ -15,6 +15,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Ill runs whose seeds are kept, for each state.
 const SEEDS: usize = 3;
+
+/// Failed runs that are kept, with their reasons.
+const FAILURES: usize = 20;
 
 /// The speed of the whole campaign: simulating or reading the data, filtering, scoring.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,8 +117,10 @@ pub struct Campaign {
     pub subject: Subject,
     /// Its speed.
     pub pace: Pace,
-    /// The number of runs.
+    /// The number of runs with a result.
     pub runs: usize,
+    /// The number of runs that failed.
+    pub failed: usize,
     /// The runs with samples that were treated as spikes, and the number of these samples.
     pub spikes: (usize, u64),
     /// Runs that were in ill health only within declared outages.
@@ -126,8 +131,11 @@ pub struct Campaign {
     pub histories: Vec<History>,
     /// The runs with the largest errors, without their vectors.
     worst: Worst,
-    /// The first run; all runs have its sensors and blocks.
+    /// The number and seed of the first run, whether or not it has a result.
+    begin: Option<(u64, u64)>,
+    /// The first run with a result; all of them have its sensors and blocks.
     first: Option<RunRow>,
+    failures: Vec<FailedRun>,
     /// Whether all runs equal the first.
     are_same: bool,
     figures: BTreeMap<Figure, Tally>,
@@ -139,7 +147,7 @@ pub struct Campaign {
     health: BTreeMap<State, (usize, Undeclared)>,
     /// By what a finding is about.
     findings: BTreeMap<String, usize>,
-    /// By run: position, attitude, velocity.
+    /// By run: position, attitude, velocity. They are NaN for a failed run.
     errors: Vec<[f64; 3]>,
     /// The findings of the middle run, and its seed.
     middle: Option<(u64, Vec<Finding>)>,
@@ -188,12 +196,15 @@ impl Campaign {
                 threads: 0,
             },
             runs: 0,
+            failed: 0,
             spikes: (0, 0),
             as_declared: 0,
             missions: (0, 0),
             histories: Vec::new(),
             worst: Worst::default(),
+            begin: None,
             first: None,
+            failures: Vec::new(),
             are_same: true,
             figures: BTreeMap::new(),
             statistics: BTreeMap::new(),
@@ -208,8 +219,20 @@ impl Campaign {
         }
     }
 
+    /// Adds the next run, which has failed.
+    pub fn add_failed(&mut self, run: FailedRun) {
+        self.begin.get_or_insert((run.run, run.seed));
+        self.are_same = false;
+        self.failed += 1;
+        self.errors.push([f64::NAN; 3]);
+        if self.failures.len() < FAILURES {
+            self.failures.push(run);
+        }
+    }
+
     /// Adds the next run.
     pub fn add(&mut self, row: &RunRow) {
+        self.begin.get_or_insert((row.run, row.seed));
         match &self.first {
             Some(first) => self.are_same = self.are_same && is_same(first, row),
             None => {
@@ -272,10 +295,10 @@ impl Campaign {
     pub fn finish<E>(&mut self, effort: Effort, read: impl FnOnce(u64) -> Result<Option<RunRow>, E>) -> Result<(), E> {
         self.pace.seconds = effort.seconds;
         self.pace.threads = effort.threads;
-        if let Some(first) = &self.first
+        if let Some((first, _)) = self.begin
             && self.findings.values().any(|runs| self.is_common(*runs))
         {
-            let middle = read(first.run + self.middle_run() as u64)?;
+            let middle = read(first + self.middle_run() as u64)?;
             self.middle = middle.map(|row| (row.seed, row.findings));
         }
         Ok(())
@@ -287,15 +310,16 @@ impl Campaign {
     }
 
     /// The place of the median run by its position error, or by its attitude error if no run has a position. Without
-    /// both, it is the first run.
+    /// both, it is the first run with a result.
     fn middle_run(&self) -> usize {
         let by = |k: usize| {
             let error = |run: usize| self.errors[run][k];
-            let mut known: Vec<usize> = (0..self.runs).filter(|run| error(*run).is_finite()).collect();
+            let mut known: Vec<usize> = (0..self.errors.len()).filter(|run| error(*run).is_finite()).collect();
             known.sort_by(|a, b| error(*a).total_cmp(&error(*b)));
             known.get(known.len() / 2).copied()
         };
-        by(0).or_else(|| by(1)).unwrap_or(0)
+        let first = || Some((self.first.as_ref()?.run - self.begin?.0) as usize);
+        by(0).or_else(|| by(1)).or_else(first).unwrap_or(0)
     }
 
     /// The findings of the median run, each with the number of runs that have a finding about the same thing; and the
@@ -332,8 +356,8 @@ impl Campaign {
             nees: p.nees.each_ref().map(mean),
             drift_percent: mean(&p.drift_percent),
             drift: mean(&p.drift_squares).map(math::sqrt),
-            // A run in which the filter never started has no figure, and has not converged.
-            converged: (p.declared > 0).then(|| p.converged as f64 / self.runs as f64),
+            // A run that failed, or in which the filter never started, has no figure, and has not converged.
+            converged: (p.declared > 0).then(|| p.converged as f64 / self.errors.len() as f64),
             after: median(p.after.clone()),
         }
     }
@@ -342,9 +366,8 @@ impl Campaign {
     /// campaigns have no common run with this error.
     #[must_use]
     pub fn against(&self, other: &Self, error: Compared) -> Option<Duel> {
-        let seed = |campaign: &Self| campaign.first.as_ref().map(|row| (row.run, row.seed));
         let of = |errors: &[f64; 3]| errors[error as usize];
-        let pairs = self.errors.iter().zip(&other.errors).filter(|_| seed(self) == seed(other));
+        let pairs = self.errors.iter().zip(&other.errors).filter(|_| self.begin == other.begin);
         let pairs = pairs.filter_map(|(own, other)| of(own).partial_cmp(&of(other)));
         let duel = pairs.fold(Duel::default(), |duel, order| Duel {
             better: duel.better + usize::from(order.is_lt()),
@@ -398,6 +421,18 @@ impl Campaign {
             Independence::Full => runs.independent(),
             Independence::SharedLog | Independence::Identical => runs.repeated(),
         }
+    }
+
+    /// The first failed runs, with their reasons.
+    #[must_use]
+    pub fn failures(&self) -> &[FailedRun] {
+        &self.failures
+    }
+
+    /// The first run with a result.
+    #[must_use]
+    pub const fn first(&self) -> Option<&RunRow> {
+        self.first.as_ref()
     }
 
     /// The blocks of every run, taken from the first run.

@@ -54,7 +54,7 @@ pub fn render_campaign(title: &str, campaign: &Campaign, look: &dyn Fn(&RunRow) 
     let page = Shown(campaign).page();
     let main = html! {
         section #result {
-            h2 { "Result of " (campaign.runs) " runs" }
+            h2 { "Result of " (campaign.runs + campaign.failed) " runs" }
             @for warning in &page.warnings { p.warning { (warning) } }
             (sections(&page.sections))
         }

@@ -14,13 +14,7 @@ row. Numbers are SI, angles are radians; times are seconds of the log. `fusion.p
 
 from __future__ import annotations
 
-from ._campaign import Campaign, merge
-from ._design import Design, Tuned
 from ._fusion import DataError, DesignError, FusionError, __version__
-from ._fleet import Fleet
-from ._navigator import Navigator
-from ._result import Result
-from ._sensor import sensor
 
 # True for type checkers only: `typing` takes longer to import than this package.
 TYPE_CHECKING = False
@@ -28,6 +22,12 @@ if TYPE_CHECKING:
     from typing import Any
 
     from . import plot, types
+    from ._campaign import Campaign, merge
+    from ._design import Design, Tuned
+    from ._fleet import Fleet
+    from ._navigator import Navigator
+    from ._result import Result
+    from ._sensor import sensor
 
 __all__ = [
     "Campaign",
@@ -47,10 +47,29 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    # matplotlib is imported with the plots, and the types when they are wanted: not with the package.
-    if name in ("plot", "types"):
-        from importlib import import_module
+#: The modules of the names that are imported when they are used (PEP 562).
+_MODULES = {
+    "Campaign": "_campaign",
+    "Design": "_design",
+    "Fleet": "_fleet",
+    "Navigator": "_navigator",
+    "Result": "_result",
+    "Tuned": "_design",
+    "merge": "_campaign",
+    "sensor": "_sensor",
+}
 
+
+def __getattr__(name: str) -> Any:
+    from importlib import import_module
+
+    if name in ("plot", "types"):
         return import_module(f"fusion.{name}")
+    if name in _MODULES:
+        found = globals()[name] = getattr(import_module(f"fusion.{_MODULES[name]}"), name)
+        return found
     raise AttributeError(f"module 'fusion' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

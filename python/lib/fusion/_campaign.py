@@ -32,19 +32,26 @@ class Campaign:
         """The campaign as bytes, lossless, for `merge` and for ``fusion merge``."""
         return self._native.part()
 
+    @property
+    def failed(self) -> dict[int, str]:
+        """The runs that failed, with the reason. They have no part in the figures."""
+        return dict(self._native.failed())
+
     def to_csv(self) -> str:
         """The text of runs.csv."""
         return self._native.csv()
 
     def to_pandas(self) -> pandas.DataFrame:
-        """A DataFrame with a row for each run, as runs.csv."""
+        """A DataFrame with a row for each run, as runs.csv. ``error`` is None for a run with a result."""
         import csv
         import io
 
         import pandas
 
         names, *rows = csv.reader(io.StringIO(self.to_csv()))
-        return pandas.DataFrame({name: _numbers(cells) for name, cells in zip(names, zip(*rows))})
+        table = {name: _numbers(cells) for name, cells in zip(names, zip(*rows))}
+        table["error"] = [row[-1] or None for row in rows]
+        return pandas.DataFrame(table)
 
     def __len__(self) -> int:
         return len(self._native)
@@ -62,7 +69,7 @@ def merge(parts: Iterable[bytes]) -> Campaign:
     Raises `FusionError` for parts of different designs, seeds, versions or platforms, and for runs that are missing or there
     twice.
     """
-    return Campaign(_fusion.merge([bytes(part) for part in parts]))
+    return Campaign(_fusion.merge([bytes(part) for part in parts], 0))
 
 
 def part(design: "Design", first: int, last: int, seed: int, threads: int = 1) -> bytes:
@@ -85,13 +92,13 @@ def campaign(
     if executor is None:
         # In pieces, so that Ctrl-C stops it and its progress is known; each keeps all cores busy.
         size = chunk or max(len(numbers) // 20, 4 * (threads or os.cpu_count() or 1))
-        pieces = []
+        pieces: list[bytes] = []
         for first in numbers[::size]:
             last = min(first + size, numbers.stop)
             pieces.append(part(design, first, last, seed, threads))
             if progress is not None:
                 progress(last - numbers.start, len(numbers))
-        return merge(pieces)
+        return _joined(pieces, numbers.start)
     size = chunk or max(1, len(numbers) // (PARTS * _workers(executor)))
     cuts = [*numbers[::size], numbers.stop]
     futures = [executor.submit(part, design, first, last, seed) for first, last in zip(cuts, cuts[1:])]
@@ -106,7 +113,15 @@ def campaign(
         for future in futures:
             future.cancel()
         raise
-    return merge(parts)
+    return _joined(parts, numbers.start)
+
+
+def _joined(parts: list[bytes], first: int) -> Campaign:
+    runs = Campaign(_fusion.merge(parts, first))
+    failed = runs.failed
+    if len(failed) == len(runs):
+        raise _fusion.FusionError(f"all runs have failed, the first one for this reason: {next(iter(failed.values()))}")
+    return runs
 
 
 def _numbers(cells: tuple[str, ...]) -> list[Any]:

@@ -158,7 +158,7 @@ class Design:
         Parameters
         ----------
         runs
-            Their number, or the range of their numbers, which starts at 0.
+            Their number, or the range of their numbers: `merge` joins the parts (`Campaign.part`) of several ranges.
         seed
             The seed of the campaign; the seed of a run depends on it and on the number of the run.
         executor
