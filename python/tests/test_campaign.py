@@ -11,7 +11,7 @@ from multiprocessing import get_context
 
 import fusion
 import pytest
-from fusion._campaign import part
+from fusion._campaign import _cuts, part
 
 from conftest import RECORDED, SIMULATED
 
@@ -43,6 +43,18 @@ def test_an_executor_gives_the_same_bytes(whole):
     assert told[-1] == (RUNS, RUNS) and told == sorted(told)
     assert len(by_processes) == RUNS
     assert list(by_processes.to_pandas()["run"]) == list(range(RUNS))
+
+
+@pytest.mark.parametrize("runs, workers", [(1, 2), (3, 8), (24, 2), (1000, 2), (100_000, 64)])
+def test_parts_shrink_so_that_all_workers_end_together(runs, workers):
+    cuts = _cuts(range(7, 7 + runs), None, workers)
+    sizes = [last - first for first, last in zip(cuts, cuts[1:])]
+    assert cuts[0] == 7 and cuts[-1] == 7 + runs and min(sizes) >= 1
+    # A worker that takes the last part ends at most so much later than the others.
+    assert sizes[-1] <= max(1, runs / workers / 64)
+    # Each part is sent and read again: some for each worker, whatever the number of runs.
+    assert len(sizes) <= 40 * workers
+    assert set(_cuts(range(10), 4, workers)) == {0, 4, 8, 10}
 
 
 def test_a_campaign_tells_its_progress_and_stops_by_an_exception(whole):

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from ._design import Design
 
 WIDTH = 100
-#: Parts of a campaign for each worker: the last one may leave the others idle for 1/32 of the time on average.
-PARTS = 16
+#: The first parts are this share of a worker's runs, and the last ones this: the parts shrink, so that all workers end at
+#: nearly the same time.
+FIRST, LAST = 1 / 4, 1 / 64
 
 
 class Campaign:
@@ -99,8 +100,7 @@ def campaign(
             if progress is not None:
                 progress(last - numbers.start, len(numbers))
         return _joined(pieces, numbers.start)
-    size = chunk or max(1, len(numbers) // (PARTS * _workers(executor)))
-    cuts = [*numbers[::size], numbers.stop]
+    cuts = _cuts(numbers, chunk, _workers(executor))
     futures = [executor.submit(part, design, first, last, seed) for first, last in zip(cuts, cuts[1:])]
     done, parts = 0, []
     try:
@@ -114,6 +114,16 @@ def campaign(
             future.cancel()
         raise
     return _joined(parts, numbers.start)
+
+
+def _cuts(numbers: range, chunk: int | None, workers: int) -> list[int]:
+    """The ends of the parts, and the first number before them."""
+    least = max(1, int(LAST * len(numbers) / workers))
+    cuts = [numbers.start]
+    while cuts[-1] < numbers.stop:
+        size = chunk or max(least, int(FIRST * (numbers.stop - cuts[-1]) / workers))
+        cuts.append(min(cuts[-1] + size, numbers.stop))
+    return cuts
 
 
 def _joined(parts: list[bytes], first: int) -> Campaign:

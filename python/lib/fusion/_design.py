@@ -165,7 +165,7 @@ class Design:
             Any executor of ``concurrent.futures``, or a client of Dask: the runs are split among its workers. A part whose
             worker is lost is computed again by the executor, or raises its exception here.
         chunk
-            Runs in each part; by default about 16 parts for each worker of an executor.
+            Runs in each part; by default parts for an executor shrink, so that all workers end together.
         threads
             Without an executor: the number of threads; 0 for one per core.
         progress
