@@ -85,6 +85,7 @@ impl Filter {
             match vehicle.feed(stream as usize, Time::from_nanos(time), row, &mut nobody) {
                 Ok(()) => Status::Ok,
                 Err(FeedError::Stream { .. }) => Status::NoStream,
+                Err(FeedError::Impossible { .. }) => Status::Impossible,
                 Err(FeedError::Run(_)) => Status::Width,
             }
         })

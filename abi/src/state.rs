@@ -26,6 +26,8 @@ pub enum Status {
     Busy = 7,
     /// The bytes are no checkpoint of this design, or are damaged.
     Checkpoint = 8,
+    /// Nothing can have measured these numbers, such as a latitude in degrees: the row is not used.
+    Impossible = 9,
 }
 
 /// Position, velocity and attitude at one instant.

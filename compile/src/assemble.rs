@@ -79,7 +79,7 @@ pub(crate) fn body(plan: &Plan) -> Result<String, Unwritten> {
             line(format!("runner.{function}({});", text(&seconds)));
         }
     }
-    line("Vehicle::new(runner, &layout, process, FINGERPRINT)".to_owned());
+    line("Vehicle::new(runner, &layout, process, &BOUNDS, FINGERPRINT)".to_owned());
     Ok(out)
 }
 

@@ -7,6 +7,7 @@ use fusion::config::{Diagnostic, Diagnostics};
 use fusion::design::{Design, OrderSpec};
 use fusion::provenance::Provenance;
 use fusion_core::state::Kind;
+use fusion_models::plausible::Bounds;
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -86,6 +87,7 @@ pub fn compile(design: &Design, name: &str, crates: &Path, target: Target) -> Re
          use fusion_vehicle::fusion_core::runner::{{InitialiserUnit, Runner, Sensor, StageUnit}};\n\
          use fusion_vehicle::fusion_core::{{chart, covariance, filter}};\n\
          use fusion_vehicle::Vehicle;\n\
+         use fusion_vehicle::fusion_models::plausible::{{Bounds, Possible}};\n\
          \n\
          /// The hash of the design.\n\
          pub const DESIGN: &str = {hash:?};\n\
@@ -97,6 +99,11 @@ pub fn compile(design: &Design, name: &str, crates: &Path, target: Target) -> Re
          ///\n\
          {rows}\
          pub const STREAMS: [(&str, usize); {count}] = [{streams}];\n\
+         \n\
+         /// What the numbers of the channels can be, for each stream.\n\
+         const BOUNDS: [&[Bounds]; {count}] = [\n\
+         {bounds}\
+         ];\n\
          \n\
          /// The filter, before its first row.\n\
          #[must_use]\n\
@@ -115,6 +122,7 @@ pub fn compile(design: &Design, name: &str, crates: &Path, target: Target) -> Re
             ""
         },
         count = streams.len(),
+        bounds = plan.streams.iter().map(bounds).collect::<String>(),
         streams = streams.join(", "),
     );
     let mut files = vec![("Cargo.toml", manifest(name, crates, target)), ("src/lib.rs", library)];
@@ -184,6 +192,19 @@ fn manifest(name: &str, crates: &Path, target: Target) -> String {
 /// The line of the documentation that says what a row of a stream is.
 fn row(number: usize, stream: &StreamLayout) -> String {
     format!("/// - {number}, `{}`: {}\n", stream.name, channels(stream))
+}
+
+/// What the numbers of the channels of a stream can be, as a list in Rust.
+fn bounds(stream: &StreamLayout) -> String {
+    let of = |b: Bounds| {
+        // The names of an enum as it prints itself are those of Rust.
+        format!(
+            "Bounds {{ first: {}, width: {}, numbers: Possible::{:?} }}",
+            b.first, b.width, b.numbers
+        )
+    };
+    let channels: Vec<String> = stream.bounds().into_iter().map(of).collect();
+    format!("    &[{}],\n", channels.join(", "))
 }
 
 /// The channels of a row, in their order.

@@ -5,6 +5,7 @@
 use fusion::assembly::StreamLayout;
 use fusion::config::{Diagnostics, Document};
 use fusion::design::Design;
+use fusion::models::block::Shape;
 use fusion::models::solution::{Solution, sigmas};
 use fusion::run::Options;
 use fusion::run::examine::build;
@@ -179,7 +180,22 @@ fn compiled_designs_have_their_solutions_in_c() {
         }
     }
     assert!(count > 1000);
-    let found = in_c("cc", "examples/replay.c", &folder, &[], &record);
+    // A latitude in degrees: both refuse the row, and nothing has changed.
+    let is_place = |stream: &StreamLayout| stream.channels.iter().any(|channel| channel.shape == Shape::Geodetic);
+    let place = navigator.streams().iter().position(is_place).unwrap();
+    let half = &rows[rows.len() / 2];
+    let degrees = vec![36.1; widths[place]];
+    let told = navigator
+        .feed_stream(place, half.time, &degrees, &mut |_: &Event<'_>| {})
+        .unwrap_err();
+    assert!(told.to_string().contains("beyond a pole; angles are in radians"), "{told}");
+    let degrees = degrees.iter().flat_map(|number| number.to_le_bytes());
+    let stamp = half.time.nanos().to_le_bytes();
+    let wrong = (place as u32).to_le_bytes().into_iter().chain(stamp).chain(degrees);
+    let mut disturbed: Vec<u8> = rows[..rows.len() / 2].iter().flat_map(|row| row.bytes).copied().collect();
+    disturbed.extend(wrong);
+    disturbed.extend(rows[rows.len() / 2..].iter().flat_map(|row| row.bytes));
+    let found = in_c("cc", "examples/replay.c", &folder, &[], &disturbed);
     assert_eq!(found, format!("{count} {:016x}\n", hash.value()));
 
     let last = navigator.solution().unwrap();

@@ -3,12 +3,12 @@
 //! The limits are far beyond any vehicle; the user declares a sensor's own range separately. Values that are not finite
 //! are left to the users of the numbers: the other numbers of the row may be good.
 
-#![cfg(feature = "declare")]
-
-use crate::block::Shape;
+#[cfg(feature = "declare")]
+use crate::block::{Channel, Shape};
+#[cfg(feature = "declare")]
 use crate::units::{Dimension, Dimensional, dim};
-use nalgebra::Vector4;
-use std::f64::consts::{FRAC_PI_2, TAU};
+use core::f64::consts::{FRAC_PI_2, TAU};
+use fusion_core::math;
 use thiserror::Error;
 
 /// How far the norm of a quaternion may be from 1: a few digits in a file.
@@ -17,16 +17,138 @@ const NORM_TOLERANCE: f64 = 1e-2;
 const HEIGHTS: (f64, f64) = (-6.4e6, 1e9);
 
 /// Why numbers cannot have been measured.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("{message}")]
-pub struct Impossible {
-    /// The problem, as a message.
-    pub message: String,
-    /// True if degrees may have been used as radians.
-    pub may_be_degrees: bool,
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[non_exhaustive]
+pub enum Impossible {
+    /// A latitude \[rad\].
+    #[error("the latitude {0} rad lies beyond a pole")]
+    Latitude(f64),
+    /// A longitude \[rad\].
+    #[error("the longitude {0} rad is more than a turn")]
+    Longitude(f64),
+    /// A height \[m\].
+    #[error("no place is {0:e} m above the ellipsoid")]
+    Height(f64),
+    /// The norm of a quaternion.
+    #[error("the quaternion has norm {0}, not 1")]
+    Norm(f64),
+    /// A 1σ.
+    #[error("a 1σ is above zero, not {0}")]
+    Sigma(f64),
+    /// A number beyond its limit, in SI.
+    #[error("{value:e} cannot be: {name} [{unit}] is at most {largest:e}")]
+    Size {
+        /// The number.
+        value: f64,
+        /// The limit.
+        largest: f64,
+        /// What it measures.
+        name: &'static str,
+        /// Its SI unit.
+        unit: &'static str,
+    },
+}
+
+impl Impossible {
+    /// Whether degrees may have been used as radians.
+    #[must_use]
+    pub const fn may_be_degrees(&self) -> bool {
+        matches!(self, Self::Latitude(_) | Self::Longitude(_))
+    }
+}
+
+/// The numbers that a channel can have, in SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Possible {
+    /// All numbers.
+    All,
+    /// Latitude, longitude \[rad\], and height \[m\] where there is a third number.
+    Place,
+    /// A quaternion of norm 1.
+    Quaternion,
+    /// Numbers of one quantity.
+    Numbers {
+        /// Their largest size.
+        largest: f64,
+        /// What they measure.
+        name: &'static str,
+        /// Its SI unit.
+        unit: &'static str,
+        /// Whether they are 1σ: above zero.
+        is_sigma: bool,
+    },
+}
+
+/// The numbers that the channel of a row can have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// The place of its first number.
+    pub first: usize,
+    /// How many numbers.
+    pub width: usize,
+    /// What they can be.
+    pub numbers: Possible,
+}
+
+impl Bounds {
+    /// Checks the numbers of the channel in a row. A row that is too short is checked elsewhere.
+    ///
+    /// # Errors
+    /// The value that is impossible.
+    pub fn check(&self, row: &[f64]) -> Result<(), Impossible> {
+        self.numbers.check(row.get(self.first..self.first + self.width).unwrap_or_default())
+    }
+}
+
+impl Possible {
+    /// Checks numbers.
+    ///
+    /// # Errors
+    /// The first that is impossible.
+    pub fn check(&self, values: &[f64]) -> Result<(), Impossible> {
+        let too_large = |value: f64, largest: f64| value.is_finite() && value.abs() > largest;
+        match (*self, values) {
+            (Self::Place, [latitude, ..]) if too_large(*latitude, FRAC_PI_2) => Err(Impossible::Latitude(*latitude)),
+            (Self::Place, [_, longitude, ..]) if too_large(*longitude, TAU) => Err(Impossible::Longitude(*longitude)),
+            (Self::Place, [_, _, height]) if height.is_finite() && !(HEIGHTS.0..=HEIGHTS.1).contains(height) => {
+                Err(Impossible::Height(*height))
+            }
+            (Self::Quaternion, [_, _, _, _]) => {
+                let norm = math::sqrt(values.iter().map(|v| v * v).sum());
+                match norm.is_finite() && (norm - 1.0).abs() > NORM_TOLERANCE {
+                    true => Err(Impossible::Norm(norm)),
+                    false => Ok(()),
+                }
+            }
+            (
+                Self::Numbers {
+                    largest,
+                    name,
+                    unit,
+                    is_sigma,
+                },
+                _,
+            ) => values.iter().filter(|value| value.is_finite()).try_for_each(|&value| {
+                if is_sigma && value <= 0.0 {
+                    return Err(Impossible::Sigma(value));
+                }
+                match value.abs() > largest {
+                    true => Err(Impossible::Size {
+                        value,
+                        largest,
+                        name,
+                        unit,
+                    }),
+                    false => Ok(()),
+                }
+            }),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// The largest plausible number of a dimension, in SI; `None` if no limit is known.
+#[cfg(feature = "declare")]
 fn largest(dimension: Dimension) -> Option<f64> {
     [
         // Light in vacuum.
@@ -46,60 +168,36 @@ fn largest(dimension: Dimension) -> Option<f64> {
     .find_map(|(of, largest)| (of == dimension).then_some(largest))
 }
 
-/// Checks the numbers of a channel, in SI; `is_sigma` if they are 1σ.
-///
-/// # Errors
-/// The value that is impossible.
-pub fn check(shape: Shape, dimension: Dimension, is_sigma: bool, values: &[f64]) -> Result<(), Impossible> {
-    let fails = |message: String, may_be_degrees| Err(Impossible { message, may_be_degrees });
-    match (shape, values) {
-        (Shape::Geodetic, [lat, ..]) if lat.is_finite() && lat.abs() > FRAC_PI_2 => {
-            fails(format!("the latitude {lat} rad lies beyond a pole"), true)
+#[cfg(feature = "declare")]
+impl Possible {
+    /// What the numbers of the channel `name` can be.
+    #[must_use]
+    pub fn of(name: &str, shape: Shape, dimension: Dimension) -> Self {
+        let is_sigma = Channel::is_sigma(name);
+        match (shape, largest(dimension)) {
+            (Shape::Geodetic, _) => Self::Place,
+            (Shape::Quaternion, _) => Self::Quaternion,
+            (Shape::Angle, _) => Self::All,
+            (Shape::Vector, None) if !is_sigma => Self::All,
+            (Shape::Vector, largest) => Self::Numbers {
+                largest: largest.unwrap_or(f64::MAX),
+                name: dimension.kind().name,
+                unit: dimension.kind().symbol,
+                is_sigma,
+            },
         }
-        (Shape::Geodetic, [_, lon, ..]) if lon.is_finite() && lon.abs() > TAU => {
-            fails(format!("the longitude {lon} rad is more than a turn"), true)
-        }
-        (Shape::Geodetic, [_, _, height]) if height.is_finite() && !(HEIGHTS.0..=HEIGHTS.1).contains(height) => {
-            fails(format!("no place is {height:e} m above the ellipsoid"), false)
-        }
-        (Shape::Quaternion, [w, x, y, z]) => {
-            let norm = Vector4::new(*w, *x, *y, *z).norm();
-            if norm.is_finite() && (norm - 1.0).abs() > NORM_TOLERANCE {
-                return fails(format!("the quaternion has norm {norm}, not 1"), false);
-            }
-            Ok(())
-        }
-        (Shape::Vector, _) => check_numbers(dimension, is_sigma, values),
-        _ => Ok(()),
     }
 }
 
-fn check_numbers(dimension: Dimension, is_sigma: bool, values: &[f64]) -> Result<(), Impossible> {
-    let fails = |message| {
-        Err(Impossible {
-            message,
-            may_be_degrees: false,
-        })
-    };
-    let mut finite = values.iter().filter(|value| value.is_finite());
-    if is_sigma && let Some(sigma) = finite.clone().find(|sigma| **sigma <= 0.0) {
-        return fails(format!("a 1σ is above zero, not {sigma}"));
-    }
-    let Some(largest) = largest(dimension) else { return Ok(()) };
-    match finite.find(|value| value.abs() > largest) {
-        Some(value) => fails(format!("{value:e} cannot be: {} is at most {largest:e}", dimension.kind())),
-        None => Ok(()),
-    }
-}
-
-#[cfg(test)]
+#[cfg(all(test, feature = "declare"))]
 mod tests {
     use super::*;
 
     const SPEED: Dimension = dim::Speed::KIND.dimension;
 
     fn said(shape: Shape, dimension: Dimension, is_sigma: bool, values: &[f64]) -> Option<String> {
-        check(shape, dimension, is_sigma, values).err().map(|e| e.message)
+        let name = if is_sigma { "velocity_sigma" } else { "velocity" };
+        Possible::of(name, shape, dimension).check(values).err().map(|e| e.to_string())
     }
 
     #[test]

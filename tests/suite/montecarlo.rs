@@ -94,7 +94,10 @@ fn a_campaign_without_a_result_is_an_error_and_its_part_is_none() {
     assert!(stderr(&part).contains("2 of 2 runs failed"), "{}", stderr(&part));
     assert!(stdout(&part).contains("Failed runs"), "{}", stdout(&part));
     let told = stderr(&w.fusion(&["merge", "a"]).failure());
-    assert!(told.contains("all runs have failed, the first one") && told.contains("auv.toml:55:8"), "{told}");
+    assert!(
+        told.contains("all runs have failed, the first one") && told.contains("auv.toml:55:8"),
+        "{told}"
+    );
 }
 
 /// The law of parts: any split, in any order, gives the bytes of one process.

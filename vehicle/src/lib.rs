@@ -21,6 +21,7 @@ use fusion_core::memory::{self, Memory, Tape};
 use fusion_core::model::Process;
 use fusion_core::runner::{Observer, Row, RunError, Runner, StreamId};
 use fusion_core::state::Layout;
+use fusion_models::plausible::{Bounds, Impossible};
 use fusion_models::solution::{Solution, SolutionReader};
 use thiserror::Error;
 
@@ -40,6 +41,16 @@ pub enum FeedError {
         /// The number of streams.
         known: usize,
     },
+    /// Nothing can have measured these numbers. Angles are in radians.
+    #[error("stream {stream}, channel {channel}: {error}")]
+    Impossible {
+        /// The stream.
+        stream: StreamId,
+        /// The number of the channel.
+        channel: usize,
+        /// Why they are impossible.
+        error: Impossible,
+    },
     /// The row has another width than its stream, or the observer could not go on.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -52,31 +63,41 @@ pub struct Vehicle {
     reader: Box<SolutionReader>,
     /// The number of the next row of each stream.
     counts: Vec<u64>,
+    /// What the numbers of the channels can be, for each stream.
+    bounds: &'static [&'static [Bounds]],
     /// A hash of what the design declares for the filter.
     fingerprint: u64,
 }
 
 impl Vehicle {
-    /// The vehicle of an assembled runner. `fingerprint` is a hash of what the design declares for the filter.
+    /// The vehicle of an assembled runner. `bounds` are for each stream the numbers that its channels can have,
+    /// `fingerprint` is a hash of what the design declares for the filter.
     #[must_use]
-    pub fn new(runner: Runner, layout: &Layout, process: Arc<dyn Process>, fingerprint: u64) -> Self {
+    pub fn new(runner: Runner, layout: &Layout, process: Arc<dyn Process>, bounds: &'static [&'static [Bounds]], fingerprint: u64) -> Self {
         let counts = runner.streams().map(|_| 0).collect();
         Self {
             runner,
             reader: Box::new(SolutionReader::new(layout, process)),
             counts,
+            bounds,
             fingerprint,
         }
     }
 
     /// Feeds a row of a stream, in SI with angles in radians. `observer` hears what it causes. A number that is not
-    /// finite is reported as an event. Impossible values, such as a latitude in degrees, are not refused here.
+    /// finite is reported as an event. Impossible values, such as a latitude in degrees, are refused.
     ///
     /// # Errors
     /// [`FeedError`]; a row that is refused changes nothing.
     pub fn feed(&mut self, stream: StreamId, time: Time, row: &[f64], observer: &mut dyn Observer) -> Result<(), FeedError> {
         let known = self.counts.len();
         let count = self.counts.get_mut(stream).ok_or(FeedError::Stream { stream, known })?;
+        let bounds = self.bounds.get(stream).copied().unwrap_or_default();
+        for (channel, bounds) in bounds.iter().enumerate() {
+            bounds
+                .check(row)
+                .map_err(|error| FeedError::Impossible { stream, channel, error })?;
+        }
         let row = Row {
             number: *count,
             ..Row::new(stream, time, row)

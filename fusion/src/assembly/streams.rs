@@ -4,6 +4,7 @@ use crate::config::Diagnostics;
 use crate::design::Design;
 use fusion_models::block::{Channel, Shape};
 use fusion_models::fault::ProvidedChannel;
+use fusion_models::plausible::{Bounds, Possible};
 use fusion_models::units::Dimension;
 
 /// A named group of numbers in the rows of a stream, with its position in the row.
@@ -50,6 +51,17 @@ impl StreamLayout {
     #[must_use]
     pub fn width(&self) -> usize {
         self.channels.iter().map(|c| c.offset + c.width).max().unwrap_or(0)
+    }
+
+    /// What the numbers of its channels can be.
+    #[must_use]
+    pub fn bounds(&self) -> Vec<Bounds> {
+        let of = |c: &StreamChannel| Bounds {
+            first: c.offset,
+            width: c.width,
+            numbers: Possible::of(&c.name, c.shape, c.dimension),
+        };
+        self.channels.iter().map(of).collect()
     }
 
     /// The layout of a source that provides these channels.

@@ -35,7 +35,7 @@ pub enum FeedError {
         seconds: f64,
     },
     /// Numbers that nothing can have measured.
-    #[error("stream `{stream}`, channel `{channel}`: {error}{}", if error.may_be_degrees { "; angles are in radians" } else { "" })]
+    #[error("stream `{stream}`, channel `{channel}`: {error}{}", if error.may_be_degrees() { "; angles are in radians" } else { "" })]
     Impossible {
         /// The stream.
         stream: String,

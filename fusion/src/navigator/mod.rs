@@ -18,8 +18,7 @@ use fusion_core::memory::{self, Memory, Tape};
 use fusion_core::runner::{Event, Observer, Row, RunError, StreamId};
 use fusion_core::state::Layout;
 use fusion_core::time::Time;
-use fusion_models::block::Channel;
-use fusion_models::plausible;
+use fusion_models::plausible::Bounds;
 use std::path::Path;
 
 /// A navigation filter that a program feeds and reads.
@@ -56,6 +55,8 @@ pub struct Navigator {
     reader: SolutionReader,
     /// Rows fed so far, per stream.
     counts: Vec<u64>,
+    /// What the numbers of the channels can be, per stream.
+    bounds: Vec<Vec<Bounds>>,
     names: Names,
 }
 
@@ -136,12 +137,14 @@ impl Navigator {
     pub fn from_assembly(assembly: Assembly) -> Self {
         let reader = SolutionReader::new(&assembly.layout, assembly.process.clone());
         let counts = vec![0; assembly.streams.len()];
+        let bounds = assembly.streams.iter().map(StreamLayout::bounds).collect();
         let filters = Filters::of(&assembly);
         let names = filters.outermost().map(|own| Names::new(own, &assembly)).unwrap_or_default();
         Self {
             assembly,
             reader,
             counts,
+            bounds,
             names,
         }
     }
@@ -290,18 +293,15 @@ impl Navigator {
         let Some(layout) = self.assembly.streams.get(row.stream) else {
             return Ok(());
         };
-        for channel in &layout.channels {
-            // A row of another width is refused by the runner.
-            let values = row.values.get(channel.offset..channel.offset + channel.width).unwrap_or_default();
-            plausible::check(channel.shape, channel.dimension, Channel::is_sigma(&channel.name), values).map_err(|error| {
-                FeedError::Impossible {
-                    stream: layout.name.clone(),
-                    channel: channel.name.clone(),
-                    error,
-                }
-            })?;
-        }
-        Ok(())
+        // A row of another width is refused by the runner.
+        let mut checked = self.bounds[row.stream].iter().zip(&layout.channels);
+        checked.try_for_each(|(bounds, channel)| {
+            bounds.check(row.values).map_err(|error| FeedError::Impossible {
+                stream: layout.name.clone(),
+                channel: channel.name.clone(),
+                error,
+            })
+        })
     }
 
     /// Processes what has been held back: the end of the data.

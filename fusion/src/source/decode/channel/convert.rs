@@ -8,12 +8,10 @@ use core::ops::RangeInclusive;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::math;
-use fusion_models::block::{Channel, Shape};
 use fusion_models::earth::LocalFrame;
 use fusion_models::earth::frames::geodetic_from_ecef;
 use fusion_models::earth::utm::Zone;
-use fusion_models::plausible::{self, Impossible};
-use fusion_models::units::Dimension;
+use fusion_models::plausible::{Impossible, Possible};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
 
 /// The largest number of inputs of a form other than a vector: the elements of a matrix.
@@ -85,7 +83,7 @@ impl Wrong {
 impl From<Impossible> for Wrong {
     fn from(impossible: Impossible) -> Self {
         // A position was checked before, as it is written.
-        Self::new(impossible.message)
+        Self::new(impossible.to_string())
     }
 }
 
@@ -120,10 +118,7 @@ impl ChannelPlan {
             }
             self.conversion.apply(scaled, out)?;
         }
-        let Channel {
-            name, dimension, shape, ..
-        } = &self.channel;
-        plausible::check(*shape, *dimension, Channel::is_sigma(name), out)?;
+        self.possible.check(out)?;
         if self.average {
             let previous = self.previous.get_or_insert_with(|| out.to_vec());
             for (out, previous) in out.iter_mut().zip(previous) {
@@ -272,7 +267,7 @@ impl Written {
     fn attitude(self, read: &[f64]) -> Result<UnitQuaternion<f64>, Wrong> {
         match self {
             Self::Quaternion => {
-                plausible::check(Shape::Quaternion, Dimension::NONE, false, read)?;
+                Possible::Quaternion.check(read)?;
                 Ok(so3::from_scalar_first(&Vector4::from_column_slice(read)))
             }
             Self::Matrix => of_matrix(read).map_err(Wrong::new),

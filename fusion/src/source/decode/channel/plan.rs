@@ -8,6 +8,7 @@ use crate::source::decode::header_unit::common_unit;
 use crate::source::decode::spec::{ChannelSpec, RotationSpec};
 use fusion_core::time::nanos;
 use fusion_models::block::{BuildError, Channel, Shape, check_delay};
+use fusion_models::plausible::Possible;
 use fusion_models::units::{Dimension, Dimensional, dim, parse_unit, range};
 use fusion_models::vocabulary::channel;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
@@ -31,6 +32,8 @@ pub(in super::super) struct ChannelPlan {
     pub(super) factor: Vec<f64>,
     pub(super) add: Vec<f64>,
     pub(super) conversion: Conversion,
+    /// What the converted numbers can be.
+    pub(super) possible: Possible,
     /// The numbers of the sample before, for the mean with it.
     pub(super) previous: Option<Vec<f64>>,
 }
@@ -79,6 +82,7 @@ impl ChannelPlan {
             factor,
             add,
             conversion,
+            possible: Possible::of(name, shape, dimension),
             previous: None,
         };
         (errors.len() == before).then_some(plan)
