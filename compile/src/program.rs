@@ -100,7 +100,7 @@ pub fn compile(design: &Design, name: &str, crates: &Path, target: Target) -> Re
          {rows}\
          pub const STREAMS: [(&str, usize); {count}] = [{streams}];\n\
          \n\
-         /// What the numbers of the channels can be, for each stream.\n\
+         /// The possible numbers of the channels, for each stream.\n\
          const BOUNDS: [&[Bounds]; {count}] = [\n\
          {bounds}\
          ];\n\
@@ -194,7 +194,7 @@ fn row(number: usize, stream: &StreamLayout) -> String {
     format!("/// - {number}, `{}`: {}\n", stream.name, channels(stream))
 }
 
-/// What the numbers of the channels of a stream can be, as a list in Rust.
+/// The bounds of the channels of a stream, as a list in Rust.
 fn bounds(stream: &StreamLayout) -> String {
     let of = |b: Bounds| {
         // The names of an enum as it prints itself are those of Rust.

@@ -42,7 +42,7 @@ pub enum Impossible {
         value: f64,
         /// The limit.
         largest: f64,
-        /// What it measures.
+        /// Its quantity.
         name: &'static str,
         /// Its SI unit.
         unit: &'static str,
@@ -70,7 +70,7 @@ pub enum Possible {
     Numbers {
         /// Their largest size.
         largest: f64,
-        /// What they measure.
+        /// Their quantity.
         name: &'static str,
         /// Its SI unit.
         unit: &'static str,
@@ -86,7 +86,7 @@ pub struct Bounds {
     pub first: usize,
     /// How many numbers.
     pub width: usize,
-    /// What they can be.
+    /// Its possible numbers.
     pub numbers: Possible,
 }
 
@@ -170,7 +170,7 @@ fn largest(dimension: Dimension) -> Option<f64> {
 
 #[cfg(feature = "declare")]
 impl Possible {
-    /// What the numbers of the channel `name` can be.
+    /// The possible numbers of the channel `name`.
     #[must_use]
     pub fn of(name: &str, shape: Shape, dimension: Dimension) -> Self {
         let is_sigma = Channel::is_sigma(name);

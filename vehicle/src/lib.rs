@@ -63,7 +63,7 @@ pub struct Vehicle {
     reader: Box<SolutionReader>,
     /// The number of the next row of each stream.
     counts: Vec<u64>,
-    /// What the numbers of the channels can be, for each stream.
+    /// The possible numbers of the channels, for each stream.
     bounds: &'static [&'static [Bounds]],
     /// A hash of what the design declares for the filter.
     fingerprint: u64,

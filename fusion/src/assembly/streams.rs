@@ -53,7 +53,7 @@ impl StreamLayout {
         self.channels.iter().map(|c| c.offset + c.width).max().unwrap_or(0)
     }
 
-    /// What the numbers of its channels can be.
+    /// The possible numbers of its channels.
     #[must_use]
     pub fn bounds(&self) -> Vec<Bounds> {
         let of = |c: &StreamChannel| Bounds {

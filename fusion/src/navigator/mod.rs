@@ -55,7 +55,7 @@ pub struct Navigator {
     reader: SolutionReader,
     /// Rows fed so far, per stream.
     counts: Vec<u64>,
-    /// What the numbers of the channels can be, per stream.
+    /// The possible numbers of the channels, per stream.
     bounds: Vec<Vec<Bounds>>,
     names: Names,
 }
