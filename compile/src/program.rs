@@ -156,6 +156,10 @@ fn manifest(name: &str, crates: &Path, target: Target) -> String {
              lto = \"fat\"\n\
              codegen-units = 1\n\
              \n\
+             # The products of matrices are fast, also if the rest is built for size.\n\
+             [profile.release.package.fusion-kernels]\n\
+             opt-level = 2\n\
+             \n\
              [profile.dev]\n\
              panic = \"abort\"\n\
              \n",

@@ -82,9 +82,9 @@ def replay(board: str, profile: dict[str, str]) -> tuple[Path, dict[str, list[st
     triple, processor, emulator = BOARDS[board]
     target = HERE / "target" / (processor or "riscv")
     environment = {**os.environ, **profile, "CARGO_TARGET_DIR": str(target)}
-    if processor:
-        environment["RUSTFLAGS"] = f"-C target-cpu={processor}"
-    run("cargo", "build", "--quiet", "--release", "--target", triple, cwd=HERE, env=environment)
+    # Joined with the flags of `.cargo/config.toml`; the variable RUSTFLAGS would replace them.
+    flags = ["--config", f"target.{triple}.rustflags=['-C', 'target-cpu={processor}']"] if processor else []
+    run("cargo", "build", "--quiet", "--release", "--target", triple, *flags, cwd=HERE, env=environment)
     program = target / triple / "release/microcontroller"
     semihosting = ["-nographic", "-semihosting-config", "enable=on,target=native", "-icount", "shift=0"]
     printed = run(*emulator, *semihosting, "-kernel", str(program), cwd=FILTER, timeout=3600)

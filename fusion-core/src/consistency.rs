@@ -1,5 +1,6 @@
 //! Consistency statistics: χ² quantiles and the bands of mean NIS and NEES.
 
+use crate::math;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// The χ² quantile of `dof` degrees of freedom at `probability`, clamped into [0, 1).
@@ -43,7 +44,7 @@ mod kept {
 }
 
 fn searched(probability: f64, dof: f64) -> f64 {
-    let probability = probability.clamp(0.0, 1.0 - f64::EPSILON);
+    let probability = math::clamp(probability, 0.0, 1.0 - f64::EPSILON);
     ChiSquared::new(dof).map_or(0.0, |d| d.inverse_cdf(probability))
 }
 

@@ -174,6 +174,7 @@ pub mod linear;
 pub mod loss;
 pub mod memory;
 pub mod model;
+mod printed;
 pub mod runner;
 pub mod smoother;
 pub mod state;
@@ -183,5 +184,6 @@ pub mod testing;
 pub mod time;
 
 pub use fusion_kernels::math;
+pub use printed::Printed;
 pub use state::{Param, Quantity, Slot};
 pub use time::Time;

@@ -16,14 +16,16 @@
 //! direction of a residual alone is as efficient, and every good measurement would lose its weight,
 //! which a filter, other than a mean, takes for noise.
 
+use crate::Printed;
 use crate::consistency::chi_square_quantile;
 use crate::math;
 use crate::model::Literal;
+use crate::printed::role;
 use core::fmt::Debug;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// A robust loss.
-pub trait Loss: Debug + Send + Sync {
+pub trait Loss: Printed + Send + Sync {
     /// Weight in (0, 1] for a whitened residual of that norm and dimension.
     fn weight(&self, norm: f64, dim: usize) -> f64;
 
@@ -32,6 +34,8 @@ pub trait Loss: Debug + Send + Sync {
         None
     }
 }
+
+role!(Loss);
 
 /// w = 1: least squares.
 #[derive(Clone, Copy, Debug, Default, Literal)]

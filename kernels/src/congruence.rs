@@ -140,10 +140,15 @@ fn below(t: usize, end: usize, reads_of: impl Fn(usize) -> Vec<u16>) -> Vec<Grou
 }
 
 fn union(a: &[u16], b: &[u16]) -> Vec<u16> {
-    let mut both = [a, b].concat();
-    both.sort_unstable();
-    both.dedup();
-    both
+    ascending(a.iter().chain(b).copied())
+}
+
+/// The columns in ascending order, each once.
+pub(crate) fn ascending(columns: impl Iterator<Item = u16> + Clone) -> Vec<u16> {
+    let end = columns.clone().max().map_or(0, |last| usize::from(last) + 1);
+    let mut is_there = vec![false; end];
+    columns.for_each(|column| is_there[usize::from(column)] = true);
+    (0..end as u16).filter(|column| is_there[usize::from(*column)]).collect()
 }
 
 /// Working memory of a product, allocated once.

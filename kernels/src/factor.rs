@@ -11,6 +11,7 @@
 //! A state is a position in the columns. So each step acts on all states above it at once, and finished states cost
 //! nothing.
 
+use crate::congruence::ascending;
 use crate::congruence::check;
 use crate::lanes::{Lanes, size, some};
 use crate::math;
@@ -51,10 +52,7 @@ impl Reach {
         for (t, rows) in rows.chunks(8).enumerate() {
             let own = (8 * t) as u16..(8 * t + rows.len()) as u16;
             let read = rows.iter().flatten().flat_map(|&(start, end)| start..end);
-            let mut columns: Vec<u16> = own.chain(read).collect();
-            columns.sort_unstable();
-            columns.dedup();
-            reach.columns.extend(columns);
+            reach.columns.extend(ascending(own.chain(read)));
             reach.ends.push(reach.columns.len());
         }
         reach

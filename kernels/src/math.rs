@@ -8,6 +8,7 @@
 //! Angles are in radians. The square root and rounding are exact on every platform. The kernels of linear
 //! algebra are not included: they differ by their lanes ([`Kernel`](crate::Kernel)).
 
+use core::cmp::Ordering;
 #[cfg(not(feature = "libm"))]
 use platform as chosen;
 #[cfg(feature = "libm")]
@@ -155,9 +156,60 @@ pub fn powi(x: f64, n: i32) -> f64 {
     chosen::powi(x, n)
 }
 
+/// x within \[least, most\]; NaN stays NaN. Unlike [`f64::clamp`] it cannot panic, so that no formatting of numbers is linked.
+#[inline]
+#[must_use]
+pub fn clamp(x: f64, least: f64, most: f64) -> f64 {
+    if x < least {
+        least
+    } else if x > most {
+        most
+    } else {
+        x
+    }
+}
+
+/// The value that would be in the middle of `values` in order, the upper one of two. For few values: the time grows with
+/// the square of their number, and the large code of a sort is not linked.
+#[must_use]
+pub fn middle<T: Copy>(values: &[T], order: impl Fn(&T, &T) -> Ordering) -> Option<T> {
+    let is_middle = |x: &T| {
+        let below = values.iter().filter(|y| order(y, x).is_lt()).count();
+        let equal = values.iter().filter(|y| order(y, x).is_eq()).count();
+        (below..below + equal).contains(&(values.len() / 2))
+    };
+    values.iter().copied().find(is_middle)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_middle_is_that_of_the_sorted_values() {
+        let lists: [&[f64]; 6] = [
+            &[],
+            &[3.0],
+            &[2.0, -1.0],
+            &[5.0, 1.0, 5.0, 5.0],
+            &[0.0, -0.0, 7.0],
+            &[9.0, 8.0, f64::NAN, 7.0, 7.0],
+        ];
+        for list in lists {
+            let mut sorted = list.to_vec();
+            sorted.sort_by(f64::total_cmp);
+            let expected = sorted.get(sorted.len() / 2).map(|v| v.to_bits());
+            assert_eq!(middle(list, f64::total_cmp).map(f64::to_bits), expected, "{list:?}");
+        }
+    }
+
+    #[test]
+    fn clamp_is_that_of_the_standard_library() {
+        for x in [-3.0, -1.0, -0.0, 0.0, 0.5, 1.0, 2.0, f64::INFINITY, f64::NEG_INFINITY] {
+            assert_eq!(clamp(x, -1.0, 1.0).to_bits(), x.clamp(-1.0, 1.0).to_bits());
+        }
+        assert!(clamp(f64::NAN, -1.0, 1.0).is_nan());
+    }
 
     /// Each library is within one unit in the last place of the exact value.
     #[test]

@@ -521,6 +521,33 @@ fn a_sensor_goes_with_another_in_either_order_of_declaration() {
 }
 
 #[test]
+fn a_run_needs_no_row_of_a_source_without_users() {
+    let w = Workspace::new("command-unheard");
+    let second = "[sensor.second]\ntype = \"gnss_position\"\nsource = \"second\"\nnoise = \"3 m\"\n\n";
+    let end = DESIGN.find("[variant.").unwrap();
+    let source = DESIGN[DESIGN.find("[source.gnss]").unwrap()..end].replace("gnss", "second");
+    w.write("design.toml", format!("{DESIGN}\n{second}{source}"));
+    let header = fixes().lines().next().unwrap().to_owned();
+    let invalid = fixes().lines().nth(1).unwrap().replacen(",4", ",x4", 1);
+    let off = ["--set", "sensor.second.enabled=false"];
+    for (file, why) in [
+        (header.clone() + "\n", "has no rows"),
+        (format!("{header}\n{invalid}\n"), "no row of this file"),
+    ] {
+        w.write("second.csv", file);
+        let skip = ["run", "design.toml", "--set", "source.second.bad_rows=\"skip\""];
+        let told = stderr(&w.fusion(&skip).failure());
+        assert!(told.contains(why) && told.contains("second.csv"), "{told}");
+        w.fusion(&[&skip[..], &off].concat()).success();
+    }
+    // A file that is not there is a mistake in any case.
+    std::fs::remove_file(w.path("second.csv")).unwrap();
+    w.fusion(&[&["run", "design.toml"], &off[..]].concat())
+        .code(2)
+        .stderr(has("second.csv"));
+}
+
+#[test]
 fn a_file_that_does_not_fit_fails_the_check() {
     let w = Workspace::new("command-check-header");
     w.write("gnss.csv", fixes().replace("vn", "v_north"));

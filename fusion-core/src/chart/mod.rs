@@ -24,7 +24,9 @@ mod invariant;
 pub use attitude::{AdditiveEuler, AdditiveQuaternion, Body, Navigation};
 pub use invariant::{Biases, Invariant, Side};
 
+use crate::Printed;
 use crate::linear::BlockMatrix;
+use crate::printed::role;
 use crate::state::{Block, Kind, Layout, Space};
 use alloc::sync::Arc;
 use core::fmt::Debug;
@@ -43,7 +45,7 @@ pub enum Reset {
 }
 
 /// A chart: error coordinates on the state space.
-pub trait Chart: Debug + Send + Sync {
+pub trait Chart: Printed + Send + Sync {
     /// Writes T(x), canonical = T · chart, for the blocks where it is not the identity.
     fn to_canonical(&self, layout: &Layout, x: &[f64], t: &mut BlockMatrix);
 
@@ -62,6 +64,8 @@ pub trait Chart: Debug + Send + Sync {
         None
     }
 }
+
+role!(Chart);
 
 /// x ← x ⊞ δ for a block that a chart does not treat specially: the canonical correction, with `x` and `delta` of the
 /// whole layout. The full reset of a custom manifold goes into `by`; returns true if the covariance must follow it.

@@ -2,7 +2,9 @@
 
 use super::dense::Scratch;
 use super::upper;
+use crate::Printed;
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
+use crate::printed::role;
 use alloc::vec::Vec;
 use core::fmt::Debug;
 use core::mem::MaybeUninit;
@@ -22,7 +24,7 @@ const TOLERATED: f64 = 1e-12;
 /// [`Workspace::extra`]. `n` is the dimension of the tangent space, `h` a measurement's Jacobian of
 /// m rows, `w` the working memory. All zeros mean P = 0. [`crate::testing::check_form`] contains
 /// the laws.
-pub trait Form: Debug + Send + Sync {
+pub trait Form: Printed + Send + Sync {
     /// Its name; two forms with the same name store P in the same way.
     fn name(&self) -> &'static str;
 
@@ -86,6 +88,8 @@ pub trait Form: Debug + Send + Sync {
         self.is_sound(n, p) && on_trial(self, n, p, w)
     }
 }
+
+role!(Form);
 
 /// Whether P with its variances a little larger can be factored. (A pivot of P itself may be far
 /// below zero although an eigenvalue is negative by rounding only.)

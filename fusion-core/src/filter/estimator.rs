@@ -2,12 +2,14 @@
 
 use super::lateness::Lateness;
 use super::step::Step;
+use crate::Printed;
 use crate::belief::Belief;
 use crate::gate::{Gate, Mode, Outcome};
 use crate::linear::Jacobian;
 use crate::loss::Loss;
 use crate::memory::Memory;
 use crate::model::{Input, Measurement, Undefined};
+use crate::printed::role;
 use crate::state::{Layout, View};
 use crate::time::Time;
 use thiserror::Error;
@@ -142,7 +144,7 @@ pub(super) fn take_orientations(layout: &Layout, from: &Belief, belief: &mut Bel
 }
 
 /// The interface of every estimator, with or without a covariance.
-pub trait Estimator: Memory + core::fmt::Debug + Send {
+pub trait Estimator: Memory + Printed + Send {
     /// The current belief.
     fn belief(&self) -> &Belief;
 
@@ -201,3 +203,5 @@ pub trait Estimator: Memory + core::fmt::Debug + Send {
     /// The steps of the latest prediction or update, if steps are kept.
     fn steps(&self) -> &[Step];
 }
+
+role!(Estimator);

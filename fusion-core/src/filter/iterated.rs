@@ -115,7 +115,7 @@ fn shorten(problem: &mut Problem<'_>, work: &mut Innovation, least: Option<f64>,
                 return Some(now);
             }
             // The minimum of the parabola through value and slope at the start and this value.
-            (squared * part * part / (now - least + 2.0 * squared * part)).clamp(0.1 * part, 0.5 * part)
+            math::clamp(squared * part * part / (now - least + 2.0 * squared * part), 0.1 * part, 0.5 * part)
         } else {
             0.5 * part
         };

@@ -210,7 +210,7 @@ impl Filter {
         let steps = if total <= longest {
             1.0
         } else {
-            math::ceil(total / longest).clamp(1.0, 1e6)
+            math::clamp(math::ceil(total / longest), 1.0, 1e6)
         };
         self.x_before.copy_from_slice(&self.belief.x);
         if steps > 1.0 {

@@ -4,10 +4,12 @@ use super::earlier::Earlier;
 use super::estimator::Observed;
 use super::kalman::Signals;
 use super::sigma::{SigmaPoints, SigmaSpread};
+use crate::Printed;
 use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form, Workspace, axpy, cholesky, solve_lower};
 use crate::linear::{BlockMatrix, Jacobian};
 use crate::model::{Input, LastInput, Process, Size, Undefined};
+use crate::printed::role;
 use crate::state::{Block, Layout, StateRole};
 use alloc::vec::Vec;
 use core::fmt::Debug;
@@ -15,7 +17,7 @@ use core::fmt::Debug;
 /// How a measurement corrects the belief: two of the four steps of an update.
 ///
 /// [`crate::testing::check_update_rule`] holds the laws.
-pub trait UpdateRule: Debug + Send + Sync {
+pub trait UpdateRule: Printed + Send + Sync {
     /// Its name.
     fn name(&self) -> &'static str;
 
@@ -50,6 +52,8 @@ pub trait UpdateRule: Debug + Send + Sync {
         true
     }
 }
+
+role!(UpdateRule);
 
 /// One linearisation, at the prediction.
 #[derive(Clone, Copy, Debug, Default)]

@@ -135,9 +135,7 @@ impl Lockout {
     fn has_paused(&mut self, time: Time) -> bool {
         let Some(last) = self.last.replace(time) else { return false };
         let interval = time.seconds_since(last);
-        let mut sorted = self.intervals.clone();
-        sorted.sort_unstable_by(f64::total_cmp);
-        let period = sorted.get(sorted.len() / 2).copied().unwrap_or_default();
+        let period = math::middle(&self.intervals, f64::total_cmp).unwrap_or_default();
         if self.intervals.len() == WITNESSES {
             self.intervals.remove(0);
         }

@@ -17,8 +17,10 @@ pub use nis::Nis;
 pub use only_with::OnlyWith;
 pub use two_condition::{Ellipse, Magnitude, TwoCondition, TwoConditions};
 
+use crate::Printed;
 use crate::memory::{Memory, Tape};
 use crate::model::Literal;
+use crate::printed::role;
 use crate::time::Time;
 use core::fmt::Debug;
 
@@ -111,7 +113,7 @@ pub struct Odds {
 }
 
 /// A gate policy.
-pub trait Gate: Memory + Debug + Send {
+pub trait Gate: Memory + Printed + Send {
     /// Judges one measurement.
     fn judge(&mut self, input: &GateInput<'_>) -> Answer;
 
@@ -144,6 +146,8 @@ pub trait Gate: Memory + Debug + Send {
         None
     }
 }
+
+role!(Gate);
 
 /// Accepts everything and still reports the NIS.
 #[derive(Clone, Copy, Debug, Default, Literal)]

@@ -113,7 +113,7 @@ crate::memory!(Sum { value, length });
 
 impl Sum {
     fn add(&mut self, y: f64, most: f64) {
-        self.value = (self.value + y - REFERENCE).clamp(0.0, most);
+        self.value = math::clamp(self.value + y - REFERENCE, 0.0, most);
         self.length = if self.value > 0.0 { self.length + 1.0 } else { 0.0 };
     }
 
@@ -145,7 +145,7 @@ impl Axis {
         if !z.is_finite() {
             return;
         }
-        let z = z.clamp(-MOST, MOST);
+        let z = math::clamp(z, -MOST, MOST);
         let is_learnt = self.sum() <= 0.5 * limit;
         for (batch, length) in self.batches.iter_mut().zip(BATCHES) {
             batch.add(z, length, is_learnt);
@@ -156,7 +156,7 @@ impl Axis {
             self.lagged += (z * self.last - self.lagged) / self.count;
         }
         self.last = z;
-        let rho = (self.lagged / self.square).clamp(0.0, CORRELATED);
+        let rho = math::clamp(self.lagged / self.square, 0.0, CORRELATED);
         let correlated = self.square.max(1.0) * (1.0 + rho) / (1.0 - rho);
         let y = z / math::sqrt(self.batches.iter().fold(correlated, |v, batch| v.max(batch.variance)));
         let most = TOP * limit;

@@ -73,8 +73,8 @@ impl Pattern {
 
     fn add(&mut self, row: usize, start: u16, end: u16) {
         let ranges = &mut self.rows[row];
-        ranges.push((start, end));
-        ranges.sort_unstable();
+        let place = ranges.partition_point(|range| *range < (start, end));
+        ranges.insert(place, (start, end));
         // Merge neighbours and overlaps: one pass of contiguous columns per run.
         let mut merged: Vec<(u16, u16)> = Vec::with_capacity(ranges.len());
         for &(s, e) in ranges.iter() {

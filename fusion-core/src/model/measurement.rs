@@ -1,7 +1,9 @@
 //! The measurement model: h(x), written once and used by estimator, simulator and tests.
 
 use super::Literal;
+use crate::Printed;
 use crate::linear::Jacobian;
+use crate::printed::role;
 use crate::state::View;
 use alloc::boxed::Box;
 use core::fmt::Debug;
@@ -32,7 +34,7 @@ pub struct Undefined(pub &'static str);
 
 /// A measurement model: object-safe, immutable, allocation-free. It returns prediction,
 /// residual and Jacobian; gains, gates and corrections are the estimator's.
-pub trait Measurement: Debug + Send + Sync {
+pub trait Measurement: Printed + Send + Sync {
     /// Sizes of value and residual.
     fn size(&self) -> Size;
 
@@ -94,3 +96,5 @@ pub trait Measurement: Debug + Send + Sync {
         None
     }
 }
+
+role!(Measurement);

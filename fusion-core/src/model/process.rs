@@ -1,9 +1,11 @@
 //! The process model: how the state moves, and the signals that sensors read from it.
 
 use super::literal::Literal;
+use crate::Printed;
 use crate::covariance::Covariance;
 use crate::linear::{Jacobian, Transition};
 use crate::memory::Memory;
+use crate::printed::role;
 use crate::state::{Layout, Manifold, Quantity, Signal, Slot, Tangent, View};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -130,7 +132,7 @@ impl Gap {
 
 /// Extends the samples of the input stream by further numbers that the process needs, such as neighbouring
 /// samples. Unlike a process it has a memory.
-pub trait Preparation: Memory + Debug + Send {
+pub trait Preparation: Memory + Printed + Send {
     /// Takes the sample of an interval of `interval` seconds. It is 0 for the first sample of a stream or
     /// after a gap: this sample covers no time, no step uses it, and earlier samples no longer
     /// count. Writes to `out` the samples that are now complete: every interval once, in
@@ -140,6 +142,8 @@ pub trait Preparation: Memory + Debug + Send {
     /// Writes the samples that it has held back: no sample follows.
     fn finish(&mut self, out: &mut Prepared);
 }
+
+role!(Preparation);
 
 /// Samples that a preparation has made.
 #[derive(Clone, Debug, Default)]
@@ -186,7 +190,7 @@ pub enum Order {
 }
 
 /// A process model: object-safe, immutable, allocation-free.
-pub trait Process: Debug + Send + Sync {
+pub trait Process: Printed + Send + Sync {
     /// Numbers in one sample of the input stream; 0 for a process driven by time alone.
     fn input_dim(&self) -> usize;
 
@@ -257,6 +261,8 @@ pub trait Process: Debug + Send + Sync {
         None
     }
 }
+
+role!(Process);
 
 /// Where a process writes its signals.
 #[derive(Debug)]

@@ -2,12 +2,14 @@
 
 use super::StreamId;
 use super::event::{Event, Halt, Observer};
+use crate::Printed;
 use crate::belief::Belief;
 use crate::gate::Gate;
 use crate::loss::Loss;
 use crate::math;
 use crate::memory::Memory;
 use crate::model::{Literal, Measurement};
+use crate::printed::role;
 use crate::state::{Layout, Quantity, Scalar, View};
 use crate::time::{Time, nanos};
 use alloc::boxed::Box;
@@ -171,7 +173,7 @@ pub struct Tested {
 }
 
 /// Turns streams into a stream: a detector, a clock, a separate filter.
-pub trait Stage: Memory + Debug + Send {
+pub trait Stage: Memory + Printed + Send {
     /// Sees a row of its input number `input`; `view` is the estimate once there is one.
     fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter<'_>);
 
@@ -201,6 +203,8 @@ pub trait Stage: Memory + Debug + Send {
         None
     }
 }
+
+role!(Stage);
 
 /// Takes the output of a stage: rows for its stream, events of a filter inside.
 #[derive(Default)]
@@ -320,7 +324,7 @@ pub struct StageUnit {
 }
 
 /// Finds part of the initial belief from the first data.
-pub trait Initialiser: Memory + Debug + Send {
+pub trait Initialiser: Memory + Printed + Send {
     /// Sees a row of its input number `input`.
     fn row(&mut self, input: usize, time: Time, row: &[f64]);
 
@@ -335,6 +339,8 @@ pub trait Initialiser: Memory + Debug + Send {
         None
     }
 }
+
+role!(Initialiser);
 
 /// An initialiser with its ports.
 #[derive(Debug)]

@@ -1,6 +1,8 @@
 //! Records in a sequence, read back from the end.
 
 use super::record::Unreadable;
+use crate::Printed;
+use crate::printed::role;
 use crate::runner::Halt;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -12,7 +14,7 @@ const BLOCK: usize = 1 << 20;
 const LENGTH: usize = size_of::<u32>();
 
 /// Where full blocks of a [`Tape`] wait: in memory, or in a file.
-pub trait Shelf: core::fmt::Debug + Send {
+pub trait Shelf: Printed + Send {
     /// Puts a block on top.
     ///
     /// # Errors
@@ -25,6 +27,8 @@ pub trait Shelf: core::fmt::Debug + Send {
     /// Where it cannot be read back.
     fn take(&mut self, block: &mut Vec<u8>) -> Result<bool, Halt>;
 }
+
+role!(Shelf);
 
 /// In memory.
 impl Shelf for Vec<Vec<u8>> {

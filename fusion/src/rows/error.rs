@@ -94,6 +94,9 @@ pub enum SourceError {
     /// Something wrong in the data.
     #[error(transparent)]
     Data(Box<DataError>),
+    /// The data have ended, and no row of them could be used.
+    #[error(transparent)]
+    NoRow(Box<DataError>),
 }
 
 impl SourceError {
@@ -102,7 +105,7 @@ impl SourceError {
     pub fn of_file(&self) -> Vec<Diagnostic> {
         match self {
             Self::Declared(errors) => errors.iter().map(|error| Diagnostic::error(error.to_string())).collect(),
-            Self::Data(error) => vec![error.as_ref().into()],
+            Self::Data(error) | Self::NoRow(error) => vec![error.as_ref().into()],
         }
     }
 
@@ -112,7 +115,7 @@ impl SourceError {
     pub fn diagnostics(&self, declaration: &Node) -> Vec<Diagnostic> {
         match self {
             Self::Declared(errors) => errors.iter().map(|error| declaration.locate(error)).collect(),
-            Self::Data(error) => vec![error.as_ref().into()],
+            Self::Data(error) | Self::NoRow(error) => vec![error.as_ref().into()],
         }
     }
 }

@@ -5,10 +5,11 @@ use super::{Options, RunData, data_dir};
 use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, SourceDesign};
-use crate::rows::{Aboard, Faulted, Feed, Merged, Row, RowStream, SourceError, SourceStatistics};
+use crate::rows::{Aboard, Faulted, Feed, Merged, ProvidedChannel, Row, RowStream, SourceError, SourceReport, SourceStatistics, Stamp};
 use crate::source::{OpenContext, SharedReaders, Unread};
 use core::ops::Range;
 use fusion_core::runner::StreamId;
+use std::collections::BTreeSet;
 
 /// Rows of recorded sources.
 #[derive(Debug)]
@@ -46,12 +47,19 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
     let (mut sources, mut origins) = (Vec::new(), Vec::new());
     let (mut reference, mut reference_statistics) = (Reference::None, Vec::new());
     let wanted = scored(design)?;
+    let runner = &assembly.runner;
+    let ports = runner.takers().chain(runner.starters()).map(|(_, _, stream)| stream);
+    let heard: BTreeSet<StreamId> = ports.chain(runner.sensors().iter().map(|sensor| sensor.port.stream)).collect();
     for (named, mut source) in opened {
         if let Some(scored) = wanted.iter().find(|scored| scored.name() == named.name) {
             reference.add(scored, source.as_mut())?;
             reference_statistics.push(SourceStatistics::new(&named.name, &source.report()));
         } else if let Some(stream) = assembly.streams.iter().position(|s| s.name == named.name) {
-            sources.push(source);
+            sources.push(if heard.contains(&stream) {
+                source
+            } else {
+                Box::new(Unheard(source))
+            });
             origins.push(Origin {
                 name: named.name.clone(),
                 stream,
@@ -145,6 +153,35 @@ fn undisturbed(source: &SourceDesign, context: &OpenContext) -> Result<Box<dyn R
 fn disturbed(rows: Box<dyn RowStream>, source: &SourceDesign, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
     let faulted = Faulted::new(rows, &source.faults, |fault| context.fault_seed(fault))?;
     Ok(Box::new(faulted))
+}
+
+/// A source without users, such as that of a sensor with `enabled = false`: a run needs no row of it.
+#[derive(Debug)]
+struct Unheard(Box<dyn RowStream>);
+
+impl RowStream for Unheard {
+    fn channels(&self) -> &[ProvidedChannel] {
+        self.0.channels()
+    }
+
+    fn next(&mut self, values: &mut Vec<f64>) -> Result<Option<Stamp>, SourceError> {
+        match self.0.next(values) {
+            Err(SourceError::NoRow(_)) => Ok(None),
+            next => next,
+        }
+    }
+
+    fn disturbed(&self) -> &[Range<usize>] {
+        self.0.disturbed()
+    }
+
+    fn disturbable(&self) -> Vec<Range<usize>> {
+        self.0.disturbable()
+    }
+
+    fn report(&self) -> SourceReport {
+        self.0.report()
+    }
 }
 
 impl Feed for Recorded {

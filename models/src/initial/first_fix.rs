@@ -99,9 +99,8 @@ impl FirstFix {
         let age = |fix: &Fix| time.seconds_since(fix.time);
         let carried = |fix: &Fix| fix.place.offset(&(velocity * age(fix)));
         let middle = |coordinate: fn(&Geodetic) -> f64| {
-            let mut values: Vec<f64> = self.fixes.iter().map(|fix| coordinate(&carried(fix))).collect();
-            values.sort_by(f64::total_cmp);
-            values.get(values.len() / 2).copied()
+            let values: Vec<f64> = self.fixes.iter().map(|fix| coordinate(&carried(fix))).collect();
+            math::middle(&values, f64::total_cmp)
         };
         let place = Geodetic {
             lat: middle(|g| g.lat)?,

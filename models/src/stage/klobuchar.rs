@@ -42,7 +42,7 @@ fn delay((alpha, beta): (&[f64; 4], &[f64; 4]), seen: &Direction, day: f64) -> f
     let elevation = seen.elevation / PI;
     let psi = 0.0137 / (elevation + 0.11) - 0.022;
     let (sin, cos) = math::sin_cos(seen.azimuth);
-    let latitude = (seen.place.lat / PI + psi * cos).clamp(-0.416, 0.416);
+    let latitude = math::clamp(seen.place.lat / PI + psi * cos, -0.416, 0.416);
     let longitude = seen.place.lon / PI + psi * sin / math::cos(latitude * PI);
     let magnetic = latitude + 0.064 * math::cos((longitude - 1.617) * PI);
     let local = 43_200.0 * longitude + day;

@@ -21,7 +21,7 @@ const LOWEST: f64 = 0.052;
 
 /// The delay at the zenith \[m\].
 fn zenith(place: &Geodetic, humidity: f64) -> f64 {
-    let h = place.height.clamp(0.0, 1e4);
+    let h = math::clamp(place.height, 0.0, 1e4);
     let pressure = 1013.25 * math::powf(1.0 - 2.2557e-5 * h, 5.2568);
     let t = 288.15 - 6.5e-3 * h;
     let vapour = 6.108 * math::exp((17.15 * t - 4684.0) / (t - 38.45)) * humidity;

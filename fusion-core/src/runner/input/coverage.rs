@@ -1,5 +1,6 @@
 //! The time that the input covers: by its samples, and by coasting through a gap.
 
+use crate::math;
 use crate::time::Time;
 use alloc::vec::Vec;
 
@@ -111,10 +112,8 @@ impl Pace {
         self.count += 1;
         // At 4, 8 and 16 intervals, then whenever all are new.
         if self.count.is_multiple_of(LEARNT) || self.count == 4 || self.count == 8 {
-            let mut known = self.latest;
-            let known = &mut known[..self.count.min(LEARNT)];
-            known.sort_unstable();
-            self.usual = known[known.len() / 2];
+            let known = &self.latest[..self.count.min(LEARNT)];
+            self.usual = math::middle(known, i64::cmp).unwrap_or(self.usual);
         }
     }
 

@@ -259,7 +259,7 @@ impl<R: RawRows> Decoded<R> {
         }
         let file = self.file.as_str();
         if report.rows == 0 && !self.judge.has_seen_a_stamp() {
-            return Err(DataError::new(file, "this file has no rows").into());
+            return Err(SourceError::NoRow(Box::new(DataError::new(file, "this file has no rows"))));
         }
         let reasons: Vec<String> = report.skipped.iter().map(|s| format!("{} × {}", s.count, s.reason)).collect();
         let why = if reasons.is_empty() {
@@ -269,12 +269,11 @@ impl<R: RawRows> Decoded<R> {
         };
         let error = DataError::new(file, format!("no row of this file can be used: {why}"));
         let example = report.skipped.iter().flat_map(|s| &s.examples).next();
-        Err(match example {
+        Err(SourceError::NoRow(Box::new(match example {
             Some(example) => error
                 .row(example.counted, example.number)
-                .help(format!("this is the first one: {}", example.what))
-                .into(),
-            None => error.into(),
-        })
+                .help(format!("this is the first one: {}", example.what)),
+            None => error,
+        })))
     }
 }
