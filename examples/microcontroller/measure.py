@@ -66,7 +66,8 @@ def compile_design(fusion: str, path: Path, changes: list[str]) -> str | None:
     for a design that is refused."""
     shutil.rmtree(FILTER, ignore_errors=True)
     settings = [word for change in changes for word in ("--set", change)]
-    data = ["--data", str(DATA)] if DATA.is_dir() else []
+    # The other designs name files beside them, or none.
+    data = ["--data", str(DATA)] if DATA.is_dir() and "real" in path.parts else []
     command = [fusion, "compile", str(path), "--rows", "--out", str(FILTER), "--crates", str(ROOT), *settings, *data]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
