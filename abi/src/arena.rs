@@ -8,8 +8,8 @@ use linked_list_allocator::Heap;
 
 /// An allocator over one block of memory, for one thread. Before [`Arena::place`] it has none.
 ///
-/// The filter allocates while it is assembled and started, and for first measurements. An allocation from a second thread, or from an interrupt,
-/// during another one is refused.
+/// The filter allocates while it is assembled and started, and for first measurements. An allocation from a second
+/// thread, or from an interrupt, during another one is refused.
 #[derive(Debug)]
 pub struct Arena {
     heap: UnsafeCell<Heap>,

@@ -66,7 +66,7 @@ def compile_design(fusion: str, path: Path, changes: list[str]) -> str | None:
     for a design that is refused."""
     shutil.rmtree(FILTER, ignore_errors=True)
     settings = [word for change in changes for word in ("--set", change)]
-    # The other designs name files beside them, or none.
+    # The files of the other designs are in the folder of the design.
     data = ["--data", str(DATA)] if DATA.is_dir() and "real" in path.parts else []
     command = [fusion, "compile", str(path), "--rows", "--out", str(FILTER), "--crates", str(ROOT), *settings, *data]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -3,7 +3,7 @@
 /// A block behind a pointer prints itself with `{:?}` if the crate is built with `std`.
 ///
 /// Without `std` only the name of its role is printed. A table of functions of each block would else bring its whole text,
-/// and the formatting of numbers, into a program for a microcontroller: a fifth of its flash.
+/// and the formatting of numbers, into a program for a microcontroller: a tenth of its flash.
 #[cfg(feature = "std")]
 pub trait Printed: core::fmt::Debug {}
 #[cfg(feature = "std")]

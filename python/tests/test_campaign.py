@@ -52,7 +52,7 @@ def test_parts_shrink_so_that_all_workers_end_together(runs, workers):
     assert cuts[0] == 7 and cuts[-1] == 7 + runs and min(sizes) >= 1
     # A worker that takes the last part ends at most so much later than the others.
     assert sizes[-1] <= max(1, runs / workers / 64)
-    # Each part is sent and read again: some for each worker, whatever the number of runs.
+    # Each part costs a message: their number depends on the workers, not on the runs.
     assert len(sizes) <= 40 * workers
     assert set(_cuts(range(10), 4, workers)) == {0, 4, 8, 10}
 
@@ -80,9 +80,12 @@ def test_ranges_are_parts_of_a_campaign(whole):
 def test_a_run_that_fails_is_a_row_with_its_reason(whole):
     assert whole.failed == {} and set(whole.to_pandas()["error"]) == {None}
     nowhere = fusion.Design(RECORDED, data="/nowhere")
-    native = nowhere._native.montecarlo(0, 3, 1, 1)
-    assert [run for run, _ in native.failed()] == [0, 1, 2] and len(native) == 3
-    assert all("design.toml:40:8: `imu.csv` cannot be read" in reason for _, reason in native.failed())
+    # A range is a part, also without a result: it is merged with the others.
+    ranges = [nowhere.montecarlo(range(2, 3)), nowhere.montecarlo(range(2))]
+    merged = fusion.merge(campaign.part() for campaign in ranges)
+    assert list(merged.failed) == list(merged.to_pandas()["run"]) == [0, 1, 2] and len(merged) == 3
+    assert all("design.toml:40:8: `imu.csv` cannot be read" in reason for reason in merged.failed.values())
+    assert list(merged.to_pandas()["error"]) == list(merged.failed.values())
     with pytest.raises(fusion.FusionError, match="all runs have failed.*design.toml:40:8"):
         nowhere.montecarlo(3)
 

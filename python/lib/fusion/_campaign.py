@@ -43,7 +43,7 @@ class Campaign:
         return self._native.csv()
 
     def to_pandas(self) -> pandas.DataFrame:
-        """A DataFrame with a row for each run, as runs.csv. ``error`` is None for a run with a result."""
+        """A DataFrame with a row for each run, as runs.csv. Only a failed run has text in ``error``."""
         import csv
         import io
 
@@ -99,7 +99,7 @@ def campaign(
             pieces.append(part(design, first, last, seed, threads))
             if progress is not None:
                 progress(last - numbers.start, len(numbers))
-        return _joined(pieces, numbers.start)
+        return _joined(pieces, runs, numbers.start)
     cuts = _cuts(numbers, chunk, _workers(executor))
     futures = [executor.submit(part, design, first, last, seed) for first, last in zip(cuts, cuts[1:])]
     done, parts = 0, []
@@ -113,7 +113,7 @@ def campaign(
         for future in futures:
             future.cancel()
         raise
-    return _joined(parts, numbers.start)
+    return _joined(parts, runs, numbers.start)
 
 
 def _cuts(numbers: range, chunk: int | None, workers: int) -> list[int]:
@@ -126,12 +126,13 @@ def _cuts(numbers: range, chunk: int | None, workers: int) -> list[int]:
     return cuts
 
 
-def _joined(parts: list[bytes], first: int) -> Campaign:
-    runs = Campaign(_fusion.merge(parts, first))
-    failed = runs.failed
-    if len(failed) == len(runs):
+def _joined(parts: list[bytes], runs: int | range, first: int) -> Campaign:
+    joined = Campaign(_fusion.merge(parts, first))
+    failed = joined.failed
+    # A range is a part of a campaign: without a result it still belongs to the whole.
+    if len(failed) == len(joined) and not isinstance(runs, range):
         raise _fusion.FusionError(f"all runs have failed, the first one for this reason: {next(iter(failed.values()))}")
-    return runs
+    return joined
 
 
 def _numbers(cells: tuple[str, ...]) -> list[Any]:

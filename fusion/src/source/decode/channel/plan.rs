@@ -32,7 +32,7 @@ pub(in super::super) struct ChannelPlan {
     pub(super) factor: Vec<f64>,
     pub(super) add: Vec<f64>,
     pub(super) conversion: Conversion,
-    /// What the converted numbers can be.
+    /// The possible numbers after the conversion.
     pub(super) possible: Possible,
     /// The numbers of the sample before, for the mean with it.
     pub(super) previous: Option<Vec<f64>>,
