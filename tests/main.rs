@@ -183,6 +183,9 @@ mod stress;
 /// A workspace of files for a test, and the command run in it.
 #[path = "suite/support.rs"]
 mod support;
+/// Sensors that rows switch off, or whose noise they change, while the filter runs.
+#[path = "suite/switches.rs"]
+mod switches;
 /// Absolute and relative errors of a recorded trajectory, against figures of evo.
 #[path = "suite/trajectories.rs"]
 mod trajectories;

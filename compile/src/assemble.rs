@@ -143,13 +143,14 @@ fn of_sensor(sensor: &Sensor) -> Result<String, Unwritten> {
     let loss = of(sensor.loss.literal(), "the loss", table)?;
     Ok(format!(
         "Sensor {{ name: {}, model: Arc::new({model}), port: {}, offset: {}, constant: {}, noise: {}, quality: {}, \
-         gate: Box::new({gate}), loss: Arc::new({loss}) }}",
+         gate: Box::new({gate}), loss: Arc::new({loss}), switch: {} }}",
         text(name),
         text(&sensor.port),
         text(&sensor.offset),
         text(&sensor.constant),
         text(&sensor.noise),
         text(&sensor.quality),
+        text(&sensor.switch),
     ))
 }
 

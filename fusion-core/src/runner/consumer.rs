@@ -16,6 +16,8 @@ pub(super) enum Consumer {
     Initialiser(usize, usize),
     /// Unit, input.
     Stage(usize, usize),
+    /// Switches a sensor: its number.
+    Switch(usize),
     /// Finds the time of validity of a row, for a sensor with an estimated offset: its number.
     Aim(usize),
     /// Rank, number.
@@ -35,6 +37,7 @@ impl Consumer {
     pub(super) const fn input(self) -> usize {
         match self {
             Self::Initialiser(_, input) | Self::Stage(_, input) => input,
+            Self::Switch(_) => 1,
             Self::Input | Self::Aim(_) | Self::Sensor(..) => 0,
         }
     }
@@ -51,8 +54,9 @@ impl Memory for Consumer {
             Self::Input => (0_u8, 0, 0),
             Self::Initialiser(unit, input) => (1, unit, input),
             Self::Stage(unit, input) => (2, unit, input),
-            Self::Aim(sensor) => (3, sensor, 0),
-            Self::Sensor(rank, sensor) => (4, sensor, rank),
+            Self::Switch(sensor) => (3, sensor, 0),
+            Self::Aim(sensor) => (4, sensor, 0),
+            Self::Sensor(rank, sensor) => (5, sensor, rank),
         };
         kind.remember(tape);
         of.remember(tape);
@@ -61,8 +65,9 @@ impl Memory for Consumer {
             0 => Self::Input,
             1 => Self::Initialiser(of, input),
             2 => Self::Stage(of, input),
-            3 => Self::Aim(of),
-            4 => Self::Sensor(input, of),
+            3 => Self::Switch(of),
+            4 => Self::Aim(of),
+            5 => Self::Sensor(input, of),
             _ => return tape.refuse("a consumer does not exist"),
         };
     }

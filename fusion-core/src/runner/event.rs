@@ -61,6 +61,8 @@ pub enum Discard {
         /// Which of the consumer's numbers.
         column: usize,
     },
+    /// Its sensor was switched off.
+    SwitchedOff,
     /// Its stamp is far ahead of all others, and too few rows have confirmed it.
     TimeJump {
         /// The latest stamp of the others.

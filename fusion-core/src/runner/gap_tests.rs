@@ -77,6 +77,7 @@ fn runner(buffer: f64) -> Runner {
         quality: None,
         gate: Box::new(Open),
         loss: Arc::new(Quadratic),
+        switch: None,
     });
     runner
 }
@@ -504,6 +505,7 @@ fn stages_on_the_input_hear_of_its_silence_and_what_they_emit_is_used_in_the_gap
         quality: None,
         gate: Box::new(Open),
         loss: Arc::new(Quadratic),
+        switch: None,
     });
     let mut times = Vec::new();
     let mut observer = |event: &Event<'_>| match event {

@@ -22,7 +22,7 @@ mod watching;
 pub use driver::{RewindNeeds, Rewinds, Runner};
 pub use event::{Discard, Event, Halt, Observer, Observers, RowId};
 pub use nested::{Nested, Outlet};
-pub use parts::{Emitter, Initialiser, InitialiserUnit, InputLimits, Noise, Offset, Port, Sensor, Stage, StageUnit, Tested};
+pub use parts::{Emitter, Initialiser, InitialiserUnit, InputLimits, Noise, Offset, Port, Sensor, Stage, StageUnit, Switch, Tested};
 pub use rows::Row;
 
 use thiserror::Error;
@@ -62,5 +62,7 @@ mod gap_tests;
 mod offset_tests;
 #[cfg(test)]
 mod recording_tests;
+#[cfg(test)]
+mod switch_tests;
 #[cfg(test)]
 mod tests;

@@ -224,6 +224,7 @@ mod tests {
             quality: None,
             gate: Box::new(Open),
             loss: Arc::new(Quadratic),
+            switch: None,
         }
     }
 

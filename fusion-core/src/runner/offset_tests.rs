@@ -72,6 +72,7 @@ fn sensor(name: &str, port: (StreamId, usize), x: Slot<Scalar>, offset: Slot<Sca
             Box::new(OnlyWith::new(leader, 10.0, Box::new(Open)))
         }),
         loss: Arc::new(Quadratic),
+        switch: None,
     }
 }
 

@@ -110,6 +110,19 @@ pub struct Offset {
     pub most: f64,
 }
 
+/// Rows that switch a sensor while the filter runs. A row holds from its time of validity until the next one. A number
+/// that is not finite changes nothing.
+#[derive(Clone, Debug, Literal)]
+#[literal(at = "fusion_core::runner")]
+pub struct Switch {
+    /// The columns that it reads: that of the use, then that of the noise, if it has both.
+    pub port: Port,
+    /// Whether the first column is zero while the sensor is not used.
+    pub has_use: bool,
+    /// Whether the last column is a factor on the 1σ of its noise. A factor that is not positive changes nothing.
+    pub has_noise: bool,
+}
+
 /// One sensor: a model fed by a stream, with its noise, gate and loss as siblings.
 #[derive(Debug)]
 pub struct Sensor {
@@ -131,6 +144,8 @@ pub struct Sensor {
     pub gate: Box<dyn Gate>,
     /// Its loss.
     pub loss: Arc<dyn Loss>,
+    /// The rows that switch it, if there are any.
+    pub switch: Option<Switch>,
 }
 
 impl Sensor {

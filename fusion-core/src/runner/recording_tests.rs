@@ -84,6 +84,7 @@ fn runner_from(first: First, inputs: Vec<Port>) -> Runner {
             quality: None,
             gate: Box::new(Open),
             loss: Arc::new(Quadratic),
+            switch: None,
         });
     }
     runner.add_initialiser(InitialiserUnit {

@@ -72,6 +72,7 @@ fn runner_with(
                 Some(leader) => Box::new(OnlyWith::new(*leader, 10.0, gate(*gated))),
             },
             loss: Arc::new(Quadratic),
+            switch: None,
         });
     }
     runner
@@ -425,6 +426,7 @@ fn a_measurement_inside_an_interval_of_the_input_splits_it() {
         quality: None,
         gate: Box::new(Open),
         loss: Arc::new(Quadratic),
+        switch: None,
     });
     let mut predicted = Vec::new();
     let mut listen = |event: &Event<'_>| {

@@ -104,7 +104,10 @@ pub(super) struct Parts {
 impl Parts {
     /// Every port.
     pub(super) fn ports(&mut self) -> impl Iterator<Item = &mut Port> {
-        let sensors = self.sensors.iter_mut().map(|s| &mut s.port);
+        let sensors = self.sensors.iter_mut().flat_map(|s| {
+            let switch = s.switch.as_mut().map(|switch| &mut switch.port);
+            core::iter::once(&mut s.port).chain(switch)
+        });
         let stages = self.stages.iter_mut().flat_map(|s| &mut s.inputs);
         let initialisers = self.initialisers.iter_mut().flat_map(|i| &mut i.inputs);
         self.input.iter_mut().chain(sensors).chain(stages).chain(initialisers)

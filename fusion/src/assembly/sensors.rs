@@ -2,11 +2,11 @@
 
 use super::assemble::Assembler;
 use crate::config::{Diagnostic, Node};
-use crate::design::{Named, NoiseSpec, SensorDesign};
+use crate::design::{Named, NoiseSpec, SensorDesign, SwitchSpec};
 use fusion_core::gate::{Gate, OnlyWith, Open};
 use fusion_core::loss::{Loss, Quadratic};
 use fusion_core::model::Measurement;
-use fusion_core::runner::{Noise, Offset, Port, Sensor, StreamId};
+use fusion_core::runner::{Noise, Offset, Port, Sensor, StreamId, Switch};
 use fusion_core::state::{Param, Scalar, Slot};
 use fusion_core::time::nanos;
 use fusion_models::block::{Build, BuildError, Channel, Reading, SensorSpec, check_delay};
@@ -89,6 +89,10 @@ impl<P> Assembler<'_, P> {
             (Some(port), Some(name)) => self.quality(port.stream, name, node).map(Some),
             _ => Some(None),
         };
+        let switch = match &common.switch {
+            Some(spec) => self.switch(spec, node).map(Some),
+            None => Some(None),
+        };
         let gate = self.d.keep(gate(design, &rows, self.has_bank()));
         let loss = self.d.keep(loss(design));
         let ((model, time_offset), mut port, sigma) = (built?, port?, sigma?);
@@ -122,6 +126,7 @@ impl<P> Assembler<'_, P> {
             quality: quality?,
             gate: gate?,
             loss: loss?,
+            switch: switch?,
         };
         let parts = (0..info.rows.len()).map_while(|row| info.model.part(row)).collect::<Vec<_>>();
         if parts.is_empty() {
@@ -168,6 +173,7 @@ impl<P> Assembler<'_, P> {
             // Built before without a mistake.
             gate: gate(design, &info.rows, self.has_bank()).ok()?,
             loss: loss(design).ok()?,
+            switch: whole.switch.clone(),
         };
         Some((sensor, info))
     }
@@ -224,6 +230,17 @@ impl<P> Assembler<'_, P> {
             ..Channel::vector("", 1, Dimension::NONE)
         };
         Some(self.channel(stream, &channel, node)?.offset)
+    }
+
+    /// The rows that switch a sensor.
+    fn switch(&mut self, spec: &SwitchSpec, node: &Node) -> Option<Switch> {
+        let listen = spec.listen();
+        let port = self.port(&listen.source, &listen.channels, node.get("switch").unwrap_or(node));
+        Some(Switch {
+            port: port?,
+            has_use: spec.used.is_some(),
+            has_noise: spec.noise.is_some(),
+        })
     }
 
     /// The gates of all sensors as they are built, in order of their numbers: for another member of a bank.

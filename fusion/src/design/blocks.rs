@@ -1,7 +1,7 @@
 //! The types that the tables of blocks are read into: each block with its name, its place and its siblings.
 
 use super::truth::Truth;
-use super::{InputSpec, NoiseSpec, OnlyWithSpec};
+use super::{InputSpec, NoiseSpec, OnlyWithSpec, SwitchSpec};
 use crate::config::Node;
 use crate::source::SourceSpec;
 use fusion_models::block::{GateSpec, LossSpec, ProcessSpec, SensorSpec};
@@ -29,6 +29,8 @@ pub struct SensorCommon {
     pub time_offset: ScalarParam<dim::Duration>,
     /// The sensor that it goes with.
     pub only_with: Option<OnlyWithSpec>,
+    /// The rows that switch it while the filter runs.
+    pub switch: Option<SwitchSpec>,
     /// False leaves the sensor out.
     pub enabled: Option<bool>,
 }

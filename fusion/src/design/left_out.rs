@@ -4,7 +4,7 @@
 //! block reads is left out with the sensor.
 
 use super::read::Draft;
-use super::{Named, SensorDesign};
+use super::{Named, SensorDesign, SwitchSpec};
 use crate::config::Node;
 use fusion_models::block::Listen;
 use fusion_models::sim::instruments;
@@ -91,8 +91,10 @@ impl Draft {
             source: sensor.block.common.source.clone(),
             channels: sensor.block.model.reading().channels().to_vec(),
         });
+        let switches = self.sensors.iter().filter_map(|sensor| sensor.block.common.switch.as_ref());
+        let switches = switches.map(SwitchSpec::listen);
         let initialisers = self.initialisers.iter().flat_map(|start| start.block.inputs());
-        process.chain(sensors).chain(initialisers).collect()
+        process.chain(sensors).chain(switches).chain(initialisers).collect()
     }
 
     /// The outer streams that a filter inside a stage reads.

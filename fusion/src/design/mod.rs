@@ -34,6 +34,7 @@ mod read;
 mod reference;
 mod run;
 pub mod schema;
+mod switch;
 pub(crate) mod truth;
 
 pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
@@ -54,5 +55,6 @@ pub use reference::{
     differences, of_a_sensor,
 };
 pub use run::{MapDetailSpec, OrderSpec, RewindSpec, RunSpec, SmoothSpec};
+pub use switch::SwitchSpec;
 pub use truth::Truth;
 pub use truth::parameters;

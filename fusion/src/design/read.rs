@@ -412,7 +412,7 @@ fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
         let help = "it stands under the same name in `[simulation.sensor.NAME]`";
         d.push(Diagnostic::error(message).at(truth.place()).help(help));
     }
-    let siblings = own.split_off(&["source", "noise", "time_offset", "quality", "only_with", "enabled"]);
+    let siblings = own.split_off(&["source", "noise", "time_offset", "quality", "only_with", "switch", "enabled"]);
     let common: Option<SensorCommon> = siblings.read(d);
     let model = read_block(&own, "sensor", Role::Sensor, d)?;
     let block = SensorDesign {

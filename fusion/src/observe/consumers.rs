@@ -41,6 +41,8 @@ pub struct ConsumerCounts {
     pub spikes: u64,
     /// Rows in which the instrument repeated one sample.
     pub frozen: u64,
+    /// Rows of a sensor that was switched off.
+    pub switched_off: u64,
     /// Rows with a stamp far ahead of all others.
     pub time_jumps: u64,
     /// Rows discarded for a reason that has no separate count yet.
@@ -50,7 +52,7 @@ pub struct ConsumerCounts {
 impl ConsumerCounts {
     /// All counts of outcomes, with their names.
     #[must_use]
-    pub const fn outcomes(&self) -> [(&'static str, u64); 14] {
+    pub const fn outcomes(&self) -> [(&'static str, u64); 15] {
         [
             ("used", self.used),
             ("rejected", self.rejected),
@@ -64,6 +66,7 @@ impl ConsumerCounts {
             ("out of range", self.out_of_range),
             ("spikes", self.spikes),
             ("frozen", self.frozen),
+            ("switched off", self.switched_off),
             ("time jumps", self.time_jumps),
             ("otherwise", self.otherwise),
         ]
@@ -77,6 +80,7 @@ impl ConsumerCounts {
             Discard::OutOfRange { .. } => &mut self.out_of_range,
             Discard::Spike { .. } => &mut self.spikes,
             Discard::Frozen => &mut self.frozen,
+            Discard::SwitchedOff => &mut self.switched_off,
             Discard::TimeJump { .. } => &mut self.time_jumps,
             _ => &mut self.otherwise,
         };
@@ -117,6 +121,7 @@ fusion_core::memory!(ConsumerCounts {
     out_of_range,
     spikes,
     frozen,
+    switched_off,
     time_jumps,
     otherwise;
     name,

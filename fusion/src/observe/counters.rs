@@ -130,7 +130,7 @@ impl RunObserver for UnusedRows {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         let RunEvent::Filter { filter, event } = event else { return Ok(()) };
         if let Event::Discarded { consumer, why, .. } = event
-            && !matches!(why, Discard::BeforeStart)
+            && !matches!(why, Discard::BeforeStart | Discard::SwitchedOff)
         {
             let consumer = filter.named(consumer);
             match self.by_consumer.iter_mut().find(|(name, _)| *name == consumer) {

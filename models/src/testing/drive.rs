@@ -98,6 +98,7 @@ impl Drive {
                 quality: None,
                 gate: gate(),
                 loss: Arc::new(Quadratic),
+                switch: None,
             });
         }
         runner

@@ -469,6 +469,7 @@ class Sensor(TypedDict, total=False):
     source: str
     strength: Parameter2 | float | str
     surface: Parameter2 | float | str
+    switch: SensorSwitch
     time_offset: Parameter2 | float | str
     transceiver: Numbers | Parameter
     type: (
@@ -615,6 +616,14 @@ class SensorNoise(TypedDict, total=False):
 class SensorOnlyWith(TypedDict, total=False):
     memory: float | str
     sensor: str
+
+
+class SensorSwitch(TypedDict, total=False):
+    """Rows that switch the sensor while the filter runs; each holds until the next one."""
+
+    noise: str
+    source: str
+    used: str
 
 
 class DesignTableSimulation(TypedDict, total=False):
@@ -2203,6 +2212,7 @@ class SummaryConsumerCounts(TypedDict):
     rows: int
     spikes: int
     stream: str
+    switched_off: int
     time_jumps: int
     unusable: int
     used: int

@@ -188,7 +188,7 @@ impl Runner {
     /// The offset by which a measurement is valid at its time. `None` for a sensor without an offset, and in a gap of
     /// the input, where the rate is unknown. Averages the input about that time; `held` is the current sample.
     fn assumed_offset(&mut self, measurement: &Waiting, held: Option<Input<'_>>) -> Option<f64> {
-        let &Waiting { time, sensor, row } = measurement;
+        let &Waiting { time, sensor, row, .. } = measurement;
         let assumed = self.scheduler.sensors()[sensor].assumed(self.queue.row(row).stamp(), time)?;
         let certain = self.queue.certain(time);
         let mean = self.intake.average(time, held, certain, self.queue.coming(certain));
@@ -196,15 +196,19 @@ impl Runner {
         mean.is_known.then_some(assumed)
     }
 
-    /// Discards a measurement for which the filter has not started, and releases its row.
-    pub(super) fn discard_early(&mut self, measurement: Waiting, observer: &mut dyn Observer) -> Result<(), Halt> {
-        let Waiting { time, sensor, row } = measurement;
+    /// Discards the measurement of a sensor that is valid at a time, and releases its row.
+    pub(super) fn discard(
+        &mut self,
+        (time, sensor, row): (Time, usize, usize),
+        why: Discard,
+        observer: &mut dyn Observer,
+    ) -> Result<(), Halt> {
         let columns = &self.scheduler.sensors()[sensor].port.columns;
         let refused = Refused {
             consumer: Consumer::Sensor(0, sensor),
             time,
             row: self.queue.row(row).id(columns),
-            why: Discard::BeforeStart,
+            why,
         };
         self.queue.release(row);
         self.scheduler.tell_refused(&refused, observer)
@@ -212,8 +216,8 @@ impl Runner {
 
     /// Discards the measurements that wait: the filter stops.
     fn discard_waiting(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
-        while let Some(measurement) = self.scheduler.next_waiting(Time::MAX) {
-            self.discard_early(measurement, observer)?;
+        while let Some(Waiting { time, sensor, row, .. }) = self.scheduler.next_waiting(Time::MAX) {
+            self.discard((time, sensor, row), Discard::BeforeStart, observer)?;
         }
         Ok(())
     }

@@ -154,6 +154,7 @@ impl Runner {
                 let emission = self.scheduler.stage_row((unit, input), time, self.queue.row(row), observer)?;
                 self.take_emission(emission, observer)?;
             }
+            Consumer::Switch(sensor) => self.scheduler.switch(sensor, self.queue.row(row)),
             Consumer::Aim(sensor) => {
                 if let Some((aimed, consumer)) = self.scheduler.aim(sensor, self.queue.row(row).stamp()) {
                     let time = aimed.max(time);
@@ -161,7 +162,7 @@ impl Runner {
                 }
                 return Ok(());
             }
-            Consumer::Sensor(_, sensor) => return self.sensor_row(Waiting { time, sensor, row }, observer),
+            Consumer::Sensor(_, sensor) => return self.sensor_row((time, sensor, row), observer),
         }
         self.queue.release(row);
         Ok(())
@@ -226,14 +227,18 @@ impl Runner {
         })
     }
 
-    fn sensor_row(&mut self, measurement: Waiting, observer: &mut dyn Observer) -> Result<(), Halt> {
-        let (time, latest) = (measurement.time, self.intake.latest());
+    fn sensor_row(&mut self, (time, sensor, row): (Time, usize, usize), observer: &mut dyn Observer) -> Result<(), Halt> {
+        let latest = self.intake.latest();
         if !self.scheduler.is_driven() {
             self.scheduler.start_if_ready(time, latest, observer)?;
         }
         if !self.scheduler.has_started_before(time) {
-            return self.discard_early(measurement, observer);
+            return self.discard((time, sensor, row), Discard::BeforeStart, observer);
         }
+        let Some(noise) = self.scheduler.factor(sensor) else {
+            return self.discard((time, sensor, row), Discard::SwitchedOff, observer);
+        };
+        let measurement = Waiting { time, sensor, row, noise };
         if !self.scheduler.is_driven() {
             self.scheduler.hold(time, latest, observer)?;
             self.scheduler.begin_epoch(time);

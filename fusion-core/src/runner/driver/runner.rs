@@ -171,11 +171,16 @@ impl Runner {
         self.queue.streams()
     }
 
-    /// The consumers whose rows cause no event, the process and the stages: name of the consumer, number and stream
-    /// of each input.
+    /// The consumers whose rows cause no event, the process, the stages and the switches of sensors: name of the
+    /// consumer, number and stream of each input. A switch is input 1 of its sensor.
     pub fn takers(&self) -> impl Iterator<Item = (&str, usize, StreamId)> {
         let process = self.intake.port().into_iter().map(|port| (PROCESS, 0, port.stream));
-        process.chain(self.scheduler.stages().iter().flat_map(|unit| ports(&unit.name, &unit.inputs)))
+        let stages = self.scheduler.stages().iter().flat_map(|unit| ports(&unit.name, &unit.inputs));
+        let switches = self.sensors().iter().filter_map(|sensor| {
+            let switch = sensor.switch.as_ref()?;
+            Some((sensor.name.as_str(), 1, switch.port.stream))
+        });
+        process.chain(stages).chain(switches)
     }
 
     /// The inputs of the initialisers: name of the initialiser, number and stream of each input.

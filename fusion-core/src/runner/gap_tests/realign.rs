@@ -68,6 +68,7 @@ fn turning(inputs: Vec<Port>) -> Runner {
         quality: None,
         gate: Box::new(Open),
         loss: Arc::new(Quadratic),
+        switch: None,
     });
     runner.add_initialiser(InitialiserUnit {
         name: "course".to_owned(),

@@ -127,7 +127,13 @@ impl Scheduler {
             },
             None => route(Consumer::Sensor(self.sensors.rank(s).unwrap_or(0), s), &sensor.port),
         });
-        initialisers.chain(stages).chain(sensors)
+        let switches = self.sensors().iter().enumerate().filter_map(move |(s, sensor)| {
+            Some(Route {
+                takes_late: true,
+                ..route(Consumer::Switch(s), &sensor.switch.as_ref()?.port)
+            })
+        });
+        initialisers.chain(stages).chain(switches).chain(sensors)
     }
 
     /// Adds the delays that followers need.
@@ -141,7 +147,7 @@ impl Scheduler {
             Consumer::Input => PROCESS,
             Consumer::Initialiser(unit, _) => &self.initialisers()[unit].name,
             Consumer::Stage(unit, _) => &self.stages()[unit].name,
-            Consumer::Aim(sensor) | Consumer::Sensor(_, sensor) => &self.sensors()[sensor].name,
+            Consumer::Switch(sensor) | Consumer::Aim(sensor) | Consumer::Sensor(_, sensor) => &self.sensors()[sensor].name,
         }
     }
 
@@ -151,6 +157,7 @@ impl Scheduler {
             Consumer::Input => false,
             Consumer::Initialiser(unit, input) => self.initialisers().get(unit).is_some_and(|u| input < u.inputs.len()),
             Consumer::Stage(unit, input) => self.stages().get(unit).is_some_and(|u| input < u.inputs.len()),
+            Consumer::Switch(sensor) => self.sensors().get(sensor).is_some_and(|s| s.switch.is_some()),
             Consumer::Aim(sensor) => sensor < self.sensors().len(),
             Consumer::Sensor(rank, sensor) => self.sensors.rank(sensor) == Some(rank),
         }
@@ -405,6 +412,16 @@ impl Scheduler {
     /// The outcome of the latest measurement of a sensor.
     pub(crate) fn outcome(&self, sensor: usize) -> Option<Outcome> {
         self.sensors.outcome(sensor)
+    }
+
+    /// Sets a sensor by a row of its switch.
+    pub(crate) fn switch(&mut self, sensor: usize, row: &Stored) {
+        self.sensors.set(sensor, row.values());
+    }
+
+    /// The factor on the 1σ of a sensor's noise now; `None` while it is switched off.
+    pub(crate) fn factor(&self, sensor: usize) -> Option<f64> {
+        self.sensors.factor(sensor)
     }
 
     /// A measurement waits for the input sample that covers it. It is later than all that wait.

@@ -10,14 +10,30 @@ use crate::runner::{Discard, Event, Halt, Observer, RowId, Sensor};
 use crate::time::Time;
 use alloc::vec::Vec;
 
-/// A measurement: when it is valid, its sensor, and the number of its row in the queue.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// A measurement: when it is valid, its sensor, the number of its row in the queue, and the factor on its 1σ.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Waiting {
     pub(crate) time: Time,
     pub(crate) sensor: usize,
     pub(crate) row: usize,
+    pub(crate) noise: f64,
 }
-crate::memory!(Waiting { time, sensor, row });
+crate::memory!(Waiting { time, sensor, row, noise });
+
+/// How the latest rows of its [`Switch`](crate::runner::Switch) set a sensor.
+#[derive(Clone, Copy, Debug)]
+struct Setting {
+    is_used: bool,
+    /// The factor on the 1σ of its noise.
+    noise: f64,
+}
+crate::memory!(Setting { is_used, noise });
+
+impl Default for Setting {
+    fn default() -> Self {
+        Self { is_used: true, noise: 1.0 }
+    }
+}
 
 /// The knowledge of the other parts of the runner about a measurement.
 #[derive(Debug, Default)]
@@ -39,6 +55,7 @@ pub(super) struct Sensors {
     ranks: Vec<usize>,
     /// The outcome of its latest measurement.
     outcomes: Vec<Option<Outcome>>,
+    settings: Vec<Setting>,
     value: Vec<f64>,
     noise: Vec<f64>,
 }
@@ -47,6 +64,7 @@ impl Memory for Sensors {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         self.units.iter_mut().for_each(|sensor| sensor.gate.remember(tape));
         self.outcomes.as_mut_slice().remember(tape);
+        self.settings.as_mut_slice().remember(tape);
     }
 }
 
@@ -59,6 +77,7 @@ impl Sensors {
         }
         self.units.push(sensor);
         self.outcomes.push(None);
+        self.settings.push(Setting::default());
         // `take` ends a cycle.
         let all = self.units.len();
         let rank = |s| core::iter::successors(Some(s), |&s| self.leader(s)).take(all).count();
@@ -89,6 +108,30 @@ impl Sensors {
         self.outcomes.fill(None);
     }
 
+    /// Sets a sensor by a row of its switch.
+    pub(super) fn set(&mut self, sensor: usize, row: &[f64]) {
+        let (Some(switch), setting) = (&self.units[sensor].switch, &mut self.settings[sensor]) else {
+            return;
+        };
+        let columns = &switch.port.columns;
+        let read = |is_there: bool, column: Option<&usize>| {
+            let number = row[*column.filter(|_| is_there)?];
+            number.is_finite().then_some(number)
+        };
+        if let Some(used) = read(switch.has_use, columns.first()) {
+            setting.is_used = used != 0.0;
+        }
+        if let Some(noise) = read(switch.has_noise, columns.last()).filter(|factor| *factor > 0.0) {
+            setting.noise = noise;
+        }
+    }
+
+    /// The factor on the 1σ of a sensor's noise now; `None` while it is switched off.
+    pub(super) fn factor(&self, sensor: usize) -> Option<f64> {
+        let Setting { is_used, noise } = self.settings[sensor];
+        is_used.then_some(noise)
+    }
+
     /// Adds the delays that followers need.
     pub(super) fn follow(&self, delays: &mut Delays) {
         for (s, sensor) in self.units.iter().enumerate() {
@@ -116,6 +159,9 @@ impl Sensors {
         let m = s.model.size().residual;
         let noise = &mut self.noise[..m * m];
         s.noise.fill(row.values(), noise);
+        // Without a switch the factor is one, and changes no bit.
+        let factor = measurement.noise * measurement.noise;
+        noise.iter_mut().for_each(|covariance| *covariance *= factor);
         let why = if measurement.time < now {
             Some(Discard::Late { now })
         } else {

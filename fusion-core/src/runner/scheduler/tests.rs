@@ -101,6 +101,7 @@ fn scheduler(input_dim: usize) -> Scheduler {
         quality: None,
         gate: Box::new(Open),
         loss: Arc::new(Quadratic),
+        switch: None,
     });
     scheduler.add_initialiser(InitialiserUnit {
         name: "course".to_owned(),
@@ -167,7 +168,12 @@ fn started(input_dim: usize) -> (Scheduler, Listener) {
 /// Measures the scale at `time`, to where the estimate is moved.
 fn measure(scheduler: &mut Scheduler, time: Time, value: f64, listener: &mut Listener) {
     scheduler.hold(time, Some(&[0.0]), listener).unwrap();
-    let measurement = Waiting { time, sensor: 0, row: 0 };
+    let measurement = Waiting {
+        time,
+        sensor: 0,
+        row: 0,
+        noise: 1.0,
+    };
     scheduler
         .offer(&measurement, &row(value), &Circumstances::default(), listener)
         .unwrap();
@@ -218,6 +224,7 @@ fn an_epoch_is_reported_when_the_estimate_leaves_it() {
     assert_eq!(events(&mut listener), ["estimate 2.000000 s"]);
     // The estimate is later than this measurement.
     let late = Waiting {
+        noise: 1.0,
         time: second(1),
         sensor: 0,
         row: 0,
@@ -231,6 +238,7 @@ fn an_epoch_is_reported_when_the_estimate_leaves_it() {
 fn measurements_wait_in_order_and_are_served_up_to_a_time() {
     let (mut scheduler, _) = started(1);
     let waiting = |s, row| Waiting {
+        noise: 1.0,
         time: second(s),
         sensor: 0,
         row,
@@ -364,6 +372,7 @@ fn a_scheduler_with_the_memory_of_another_is_in_the_same_phase() {
     let (mut running, mut listener) = started(1);
     measure(&mut running, second(1), 2.0, &mut listener);
     running.wait(Waiting {
+        noise: 1.0,
         time: second(2),
         sensor: 0,
         row: 5,

@@ -13,7 +13,7 @@ mod choices;
 use crate::config::INCLUDE;
 use crate::design::{
     FILTER_TABLES, FilterSpec, FurtherTable, HealthSpec, InputSpec, LinkCommon, NoiseSpec, OnlyWithSpec, OutputCommon, ReferenceSpec,
-    RunSpec,
+    RunSpec, SwitchSpec,
 };
 use fusion_models::param::ScalarParam;
 use fusion_models::registry::{self, Registration, Role};
@@ -216,6 +216,11 @@ impl Builder {
         let mut time_offset = self.of::<ScalarParam<dim::Duration>>("time_offset");
         describe(&mut time_offset, "How late its rows are stamped: valid at stamp − offset.");
         let only_with = self.of::<OnlyWithSpec>("only_with");
+        let mut switch = self.of::<SwitchSpec>("switch");
+        describe(
+            &mut switch,
+            "Rows that switch the sensor while the filter runs; each holds until the next one.",
+        );
         let gate = self.any(Role::Gate, "Accepts or rejects each measurement; without a gate, all are accepted.");
         let loss = self.any(Role::Loss, "Weighs each measurement; without one, least squares.");
         let faults = self.named(Role::Fault, "Faults of the rows, by name, applied in order.");
@@ -236,6 +241,7 @@ impl Builder {
                     property(schema, "quality", quality.clone());
                     property(schema, "time_offset", time_offset.clone());
                     property(schema, "only_with", only_with.clone());
+                    property(schema, "switch", switch.clone());
                     property(schema, "enabled", enabled.clone());
                     property(schema, "gate", gate.clone());
                     property(schema, "loss", loss.clone());
