@@ -4,8 +4,9 @@
 //! cargo run --release -p fusion-formats --features mcap --example topics
 //! ```
 //!
-//! The file has five topics of `sensor_msgs/Imu` with equal rates, as CDR in chunks that are not packed. Rows are decoded
-//! and merged as in a run, without a filter. Times are the best of several readings, which take turns.
+//! The file has five topics of `sensor_msgs/Imu` with equal rates, as CDR in chunks that are not packed, or packed by lz4
+//! or zstd. Rows are decoded and merged as in a run, without a filter. Times are the best of several readings, which take
+//! turns.
 
 use fusion::config::{Diagnostics, Document};
 use fusion::rows::Merged;
@@ -51,13 +52,16 @@ fn main() -> Result<(), Failure> {
     fusion_formats::link();
     let folder = std::env::temp_dir().join(format!("fusion-topics-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
-    let measured = write(&folder.join("log.mcap")).and_then(|bytes| measure(&folder, bytes));
+    let measured = ["", "lz4", "zstd"].into_iter().try_fold(String::new(), |lines, packing| {
+        let bytes = write(&folder.join("log.mcap"), packing)?;
+        Ok::<_, Failure>(lines + &measure(&folder, packing, bytes)?)
+    });
     std::fs::remove_dir_all(&folder)?;
     std::io::stdout().write_all(measured?.as_bytes())?;
     Ok(())
 }
 
-fn measure(folder: &Path, bytes: u64) -> Result<String, Failure> {
+fn measure(folder: &Path, packing: &str, bytes: u64) -> Result<String, Failure> {
     let mut best = [Duration::MAX; 2];
     let mut sums = [0; 2];
     for _ in 0..READINGS {
@@ -68,7 +72,8 @@ fn measure(folder: &Path, bytes: u64) -> Result<String, Failure> {
         }
     }
     let megabytes = bytes as f64 / 1e6;
-    let mut lines = format!("{TOPICS} topics of {MESSAGES} messages, {megabytes:.0} MB\n");
+    let packed = if packing.is_empty() { "not packed" } else { packing };
+    let mut lines = format!("{TOPICS} topics of {MESSAGES} messages, {packed}, {megabytes:.0} MB\n");
     for (k, topics) in [1, TOPICS].into_iter().enumerate() {
         let seconds = best[k].as_secs_f64();
         let rate = megabytes / seconds;
@@ -117,7 +122,7 @@ fn read(folder: &Path, topics: usize) -> Result<u64, Failure> {
 }
 
 /// Writes the bag, and returns its length.
-fn write(path: &Path) -> Result<u64, Failure> {
+fn write(path: &Path, packing: &str) -> Result<u64, Failure> {
     let mut file = BufWriter::new(std::fs::File::create(path)?);
     file.write_all(b"\x89MCAP0\r\n")?;
     file.write_all(&record(1, &[counted(b""), counted(b"")].concat()))?;
@@ -138,14 +143,29 @@ fn write(path: &Path) -> Result<u64, Failure> {
         if (k + 1) % IN_CHUNK == 0 || k + 1 == MESSAGES * TOPICS as u64 {
             let length = (records.len() as u64).to_le_bytes();
             let check = crc32fast::hash(&records).to_le_bytes();
-            let head = [&[0; 16][..], &length, &check, &counted(b""), &length].concat();
-            file.write_all(&record(6, &[head, core::mem::take(&mut records)].concat()))?;
+            let content = pack(packing, core::mem::take(&mut records))?;
+            let packed_length = (content.len() as u64).to_le_bytes();
+            let head = [&[0; 16][..], &length, &check, &counted(packing.as_bytes()), &packed_length].concat();
+            file.write_all(&record(6, &[head, content].concat()))?;
         }
     }
     file.write_all(&record(15, &[0; 4]))?;
     file.write_all(&record(2, &[0; 20]))?;
     file.write_all(b"\x89MCAP0\r\n")?;
     Ok(file.into_inner()?.metadata()?.len())
+}
+
+/// A chunk as it is written.
+fn pack(packing: &str, records: Vec<u8>) -> Result<Vec<u8>, Failure> {
+    Ok(match packing {
+        "lz4" => {
+            let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());
+            encoder.write_all(&records)?;
+            encoder.finish()?
+        }
+        "zstd" => ruzstd::encoding::compress_to_vec(records.as_slice(), ruzstd::encoding::CompressionLevel::Fastest),
+        _ => records,
+    })
 }
 
 /// A message of CDR.

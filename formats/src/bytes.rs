@@ -1,6 +1,10 @@
 //! The bytes of a log, with the place of the next one.
 
 use crate::messages::Broken;
+#[cfg(feature = "mcap")]
+use crate::zstd;
+#[cfg(feature = "mcap")]
+use fusion::rows::DataError;
 use fusion::rows::SourceError;
 use fusion::source::{DataFile, OpenContext};
 use std::io::Read;
@@ -21,10 +25,14 @@ impl Bytes {
     /// # Errors
     /// The file cannot be opened.
     pub(crate) fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
-        Ok(Self {
-            file: file.bytes(context)?,
-            at: 0,
-        })
+        let bytes = file.bytes(context)?;
+        #[cfg(feature = "mcap")]
+        let bytes = if context.arriving.is_none() && zstd::is_packed(file.path()) {
+            unpacked(file, bytes)?
+        } else {
+            bytes
+        };
+        Ok(Self { file: bytes, at: 0 })
     }
 
     /// The number of bytes that were read.
@@ -89,6 +97,15 @@ impl Bytes {
         let skipped = skipped.map_err(|error| Broken::at(self.at, error.to_string()))?;
         self.at += skipped;
         Ok(skipped == count)
+    }
+}
+
+/// The content of a packed file with these bytes.
+#[cfg(feature = "mcap")]
+fn unpacked(file: &DataFile, bytes: Box<dyn Read + Send>) -> Result<Box<dyn Read + Send>, DataError> {
+    match zstd::Frames::new(std::io::BufReader::new(bytes)) {
+        Ok(frames) => Ok(Box::new(frames)),
+        Err(error) => Err(DataError::new(file.name(), format!("this packed file cannot be unpacked: {error}"))),
     }
 }
 

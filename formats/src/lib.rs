@@ -62,6 +62,8 @@ mod ulog;
 #[cfg(any(feature = "mcap", feature = "rosbag"))]
 mod unpack;
 mod written;
+#[cfg(any(feature = "mcap", feature = "rosbag2"))]
+mod zstd;
 
 /// An array with more elements than this has no columns: it is an image or a scan. A covariance of 6 axes has 36.
 pub const LONGEST_ARRAY: usize = 64;

@@ -13,7 +13,7 @@ pub(crate) struct Signature {
 /// MCAP, of ROS 2 or of others.
 pub(crate) const MCAP: Signature = Signature {
     name: "mcap",
-    endings: &[".mcap"],
+    endings: &[".mcap", ".mcap.zstd"],
     recognises: |first| first.starts_with(b"\x89MCAP0\r\n"),
 };
 
@@ -27,7 +27,7 @@ pub(crate) const ROSBAG: Signature = Signature {
 /// A bag of ROS 2 in SQLite.
 pub(crate) const ROSBAG2: Signature = Signature {
     name: "rosbag2",
-    endings: &[".db3"],
+    endings: &[".db3", ".db3.zstd"],
     recognises: |first| first.starts_with(b"SQLite format 3\0"),
 };
 

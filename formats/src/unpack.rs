@@ -11,7 +11,7 @@ pub(crate) fn unpack(packing: &str, packed: &[u8], most: u64, buffer: &mut Vec<u
     let done = match packing {
         "lz4" => all(lz4_flex::frame::FrameDecoder::new(packed), most, buffer),
         #[cfg(feature = "mcap")]
-        "zstd" => zstd(packed, most, buffer),
+        "zstd" => crate::zstd::Frames::new(packed).and_then(|frames| all(frames, most, buffer)),
         #[cfg(feature = "rosbag")]
         "bz2" => all(bzip2::read::BzDecoder::new(packed), most, buffer),
         other => return Err(format!("a chunk is packed by `{other}`, which is not read")),
@@ -25,17 +25,6 @@ fn all(reader: impl Read, most: u64, buffer: &mut Vec<u8>) -> Result<(), Error> 
     if (buffer.len() - before) as u64 > most {
         buffer.truncate(before);
         return Err(Error::new(ErrorKind::InvalidData, "it is longer than declared"));
-    }
-    Ok(())
-}
-
-/// One frame after the other.
-#[cfg(feature = "mcap")]
-fn zstd(mut packed: &[u8], most: u64, buffer: &mut Vec<u8>) -> Result<(), Error> {
-    while !packed.is_empty() {
-        let left = most - buffer.len() as u64;
-        let frame = ruzstd::decoding::StreamingDecoder::new(&mut packed).map_err(Error::other)?;
-        all(frame, left, buffer)?;
     }
     Ok(())
 }

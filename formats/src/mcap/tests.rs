@@ -277,6 +277,23 @@ fn a_folder_is_read_in_the_order_of_its_files() {
     std::fs::write(folder.join("metadata.yaml"), listed).unwrap();
     assert_eq!(read(), ["9", "0"]);
 
+    let packed = ruzstd::encoding::compress_to_vec(
+        std::fs::read(folder.join("bag_9.mcap")).unwrap().as_slice(),
+        ruzstd::encoding::CompressionLevel::Fastest,
+    );
+    std::fs::write(folder.join("bag_9.mcap.zstd"), &packed).unwrap();
+    std::fs::remove_file(folder.join("bag_9.mcap")).unwrap();
+    std::fs::write(folder.join("metadata.yaml"), listed.replace("9.mcap", "9.mcap.zstd")).unwrap();
+    assert_eq!(read(), ["9", "0"]);
+    // A packed file by itself, and one that is cut off.
+    let alone = File::new(".mcap.zstd", &packed);
+    assert_eq!(all(&mut opened::<McapReader>(&alone.0, &[]).unwrap()).0.len(), 1);
+    let cut = File::new(".mcap.zstd", &packed[..packed.len() - 9]);
+    // The damage is found by the first bytes of the content, or later.
+    if let Ok(mut reader) = opened::<McapReader>(&cut.0, &[]) {
+        assert!(all(&mut reader).1.is_some());
+    }
+
     // The folder of the data is a relative path.
     let up: std::path::PathBuf = std::env::current_dir().unwrap().components().skip(1).map(|_| "..").collect();
     let context = OpenContext {

@@ -1,11 +1,19 @@
 //! The tables of a bag.
 
+use crate::zstd::{Frames, MAGIC, is_packed};
 use core::ops::Range;
+use fusion::source::DataFile;
+use rusqlite::types::Type;
 use rusqlite::{Connection, Error, OpenFlags, Row};
+use std::fs::File;
+use std::io::{BufReader, Read};
 use std::path::Path;
+use tempfile::NamedTempFile;
 
 /// Messages are read until they have this number of bytes, then decoded.
 const BATCH: usize = 1 << 20;
+/// A message that is packed has at most this number of bytes. An image has a few tens of megabytes.
+const MOST_BYTES: u64 = 256 << 20;
 
 /// A row of the table `topics`.
 pub(super) struct TopicRow {
@@ -20,6 +28,10 @@ pub(super) struct TopicRow {
 /// A file, and the messages of it that were read last.
 pub(super) struct Database {
     connection: Connection,
+    /// The content of a packed file; it is removed with the database, after the connection is closed.
+    _unpacked: Option<NamedTempFile>,
+    /// The content of a packed message.
+    message: Vec<u8>,
     pub(super) topics: Vec<TopicRow>,
     bytes: Vec<u8>,
     batch: Vec<Message>,
@@ -39,7 +51,9 @@ struct Message {
 impl Database {
     /// # Errors
     /// The file is not a bag, or it is damaged.
-    pub(super) fn open(path: &Path) -> Result<Self, String> {
+    pub(super) fn open(file: &DataFile) -> Result<Self, String> {
+        let unpacked = if is_packed(file.path()) { Some(unpack(file)?) } else { None };
+        let path = unpacked.as_ref().map_or(file.path(), NamedTempFile::path);
         let open = |name: &str| {
             let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
             let connection = Connection::open_with_flags(name, flags)?;
@@ -52,6 +66,8 @@ impl Database {
         let (connection, topics) = opened.map_err(|error| format!("this is not a bag of ROS 2: {error}"))?;
         Ok(Self {
             connection,
+            _unpacked: unpacked,
+            message: Vec::new(),
             topics,
             bytes: Vec::new(),
             batch: Vec::new(),
@@ -101,7 +117,14 @@ impl Database {
         let mut rows = statement.query([self.last_id])?;
         while let Some(row) = rows.next()? {
             let from = self.bytes.len();
-            self.bytes.extend_from_slice(row.get_ref(3)?.as_blob()?);
+            let message = row.get_ref(3)?.as_blob()?;
+            // The encapsulation of a message that is not packed begins with a zero.
+            if message.starts_with(&MAGIC) {
+                unpack_message(message, &mut self.message).map_err(|error| Error::FromSqlConversionFailure(3, Type::Blob, error.into()))?;
+                self.bytes.extend_from_slice(&self.message);
+            } else {
+                self.bytes.extend_from_slice(message);
+            }
             self.last_id = row.get(0)?;
             self.batch.push(Message {
                 topic: row.get(1)?,
@@ -115,6 +138,26 @@ impl Database {
         }
         Ok(())
     }
+}
+
+/// The content of a packed file, in the folder for temporary files: SQLite reads a file.
+fn unpack(file: &DataFile) -> Result<NamedTempFile, String> {
+    let copy = || {
+        let mut unpacked = NamedTempFile::new()?;
+        std::io::copy(&mut Frames::new(BufReader::new(File::open(file.path())?))?, &mut unpacked)?;
+        Ok::<_, std::io::Error>(unpacked)
+    };
+    copy().map_err(|error| format!("this packed file cannot be unpacked: {error}"))
+}
+
+/// Puts the content of a packed message into a buffer.
+fn unpack_message(packed: &[u8], message: &mut Vec<u8>) -> Result<(), std::io::Error> {
+    message.clear();
+    Frames::new(packed)?.take(MOST_BYTES + 1).read_to_end(message)?;
+    if message.len() as u64 > MOST_BYTES {
+        return Err(std::io::Error::other(format!("the message has more than {MOST_BYTES} bytes")));
+    }
+    Ok(())
 }
 
 fn topics(connection: &Connection) -> Result<Vec<TopicRow>, Error> {

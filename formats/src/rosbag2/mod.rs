@@ -4,7 +4,7 @@
 //! SQLite is the C library, which the crate `rusqlite` builds: the feature needs a C compiler.
 //!
 //! Source   <https://github.com/ros2/rosbag2>, `rosbag2_storage_sqlite3`
-//! Not read files and messages that are packed (`compression_mode` in `metadata.yaml`)
+//! Packed   files and messages, by zstd; a packed file is unpacked into the folder for temporary files
 
 mod database;
 #[cfg(test)]
@@ -79,7 +79,7 @@ impl MessageReader for Rosbag2Reader {
         first.bytes(context)?;
         let mut reader = Self {
             parts,
-            database: Database::open(first.path()).map_err(|why| DataError::new(file.name(), why))?,
+            database: Database::open(&first).map_err(|why| DataError::new(file.name(), why))?,
             topics: HashMap::new(),
             known: HashMap::new(),
             streams: Streams::default(),
@@ -105,7 +105,7 @@ impl MessageReader for Rosbag2Reader {
                 return topic.map(Some).map_err(broken);
             }
             let Some(file) = self.parts.next_file() else { return Ok(None) };
-            self.database = Database::open(file.path()).map_err(broken)?;
+            self.database = Database::open(&file).map_err(broken)?;
             self.add_topics();
         }
     }

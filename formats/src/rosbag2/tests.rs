@@ -12,6 +12,15 @@ fn vector(x: f64) -> Vec<u8> {
 
 /// A bag with 2000 messages, in several pages; with the definition of the second topic if `has_definitions`.
 fn bag(has_definitions: bool) -> File {
+    written(has_definitions, |message| message)
+}
+
+/// The content in one frame of zstd.
+fn packed(content: &[u8]) -> Vec<u8> {
+    ruzstd::encoding::compress_to_vec(content, ruzstd::encoding::CompressionLevel::Fastest)
+}
+
+fn written(has_definitions: bool, pack: impl Fn(Vec<u8>) -> Vec<u8>) -> File {
     let file = File::new(".db3", &[]);
     let connection = Connection::open(&file.0).unwrap();
     let tables = "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT, offered_qos_profiles TEXT);
@@ -22,7 +31,7 @@ fn bag(has_definitions: bool) -> File {
     for k in 0..1000_i64 {
         let insert = "INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?1, ?2), (2, ?1, ?2)";
         connection
-            .execute(insert, (1_700_000_000_000_000_000 + k, vector(k as f64)))
+            .execute(insert, (1_700_000_000_000_000_000 + k, pack(vector(k as f64))))
             .unwrap();
     }
     if has_definitions {
@@ -49,6 +58,43 @@ fn the_usual_definitions_are_known_and_others_are_in_newer_bags() {
         let is_explained = reader.topics()[1].message_type.ends_with(": this file has no definition of it");
         assert_eq!(is_explained, !has_definitions);
     }
+}
+
+#[test]
+fn packed_files_and_messages_have_the_content_of_a_bag_that_is_not_packed() {
+    let plain = bag(true);
+    let bytes = std::fs::read(&plain.0).unwrap();
+    let read = |file: &File| all(&mut opened::<Rosbag2Reader>(&file.0, &[]).unwrap());
+    let whole = read(&plain);
+    assert_eq!((whole.0.len(), &whole.1), (2000, &None));
+    let messages = written(true, |message| packed(&message));
+    assert!(std::fs::read(&messages.0).unwrap() != bytes);
+    assert_eq!(read(&messages), whole);
+    // A file of two frames.
+    let (first, second) = bytes.split_at(bytes.len() / 3);
+    for content in [packed(&bytes), [packed(first), packed(second)].concat()] {
+        assert_eq!(read(&File::new(".db3.zstd", &content)), whole);
+        let cut = opened::<Rosbag2Reader>(&File::new(".db3.zstd", &content[..content.len() - 9]).0, &[]);
+        assert!(cut.err().unwrap().contains("this packed file cannot be unpacked"));
+    }
+    let plainly = opened::<Rosbag2Reader>(&File::new(".db3.zstd", &bytes).0, &[]);
+    assert!(plainly.err().unwrap().contains("this packed file cannot be unpacked"));
+}
+
+#[test]
+fn a_damaged_packed_message_ends_the_bag_with_the_messages_before_it() {
+    let whole = all(&mut opened::<Rosbag2Reader>(&bag(true).0, &[]).unwrap()).0;
+    let damaged = written(true, |message| {
+        let mut packed = packed(&message);
+        if message == vector(600.0) {
+            let last = packed.len() - 1;
+            packed.truncate(last);
+        }
+        packed
+    });
+    let (messages, broken) = all(&mut opened::<Rosbag2Reader>(&damaged.0, &[]).unwrap());
+    assert_eq!(messages, whole[..1200]);
+    assert!(broken.is_some());
 }
 
 #[test]
