@@ -28,6 +28,10 @@ const SLIDING: f64 = 1.1;
 const AGILE: f64 = 1.0;
 /// No unit at rest is shaken more, not even by an idling engine \[m/s²\].
 const SHAKEN: f64 = 1.0;
+/// At rest the deviation of the rates is at most `QUIET` times this, and their mean over a second is within `UNSTEADY` of
+/// the bias [rad/s].
+const WAVERING: f64 = 0.05;
+const UNSTEADY: f64 = 0.02;
 
 /// Results from the samples.
 #[derive(Clone, Debug)]
@@ -87,6 +91,11 @@ struct Window {
 impl Window {
     fn shaking(&self) -> (f64, f64) {
         (norm(self.force.map(|m| m.1)), norm(self.rate.map(|m| m.1)))
+    }
+
+    /// How much faster it turns than a unit with this bias at rest \[rad/s\].
+    fn turns(&self, bias: Vec3) -> f64 {
+        norm([0, 1, 2].map(|i| self.rate[i].0 - bias[i]))
     }
 }
 
@@ -170,19 +179,23 @@ fn windows(t: &[f64], force: &[Vec3], rate: &[Vec3], stands: &dyn Fn(f64) -> Opt
     all
 }
 
-/// Whether another source reports on most windows.
+/// Whether another source reports on most windows, and also reports rest.
 fn is_told(windows: &[Window]) -> bool {
-    windows.iter().filter(|w| w.stands.is_some()).count() * 2 > windows.len()
+    let has_rest = windows.iter().any(|w| w.stands == Some(true));
+    has_rest && windows.iter().filter(|w| w.stands.is_some()).count() * 2 > windows.len()
 }
 
-/// The windows at rest. They come from the reported speed if there is one, without windows that are shaken far more
-/// than most of them, as in a take-off. Without a speed, they are the quietest windows.
+/// The windows at rest. They come from the reported speed if there is one, without windows that turn, or are shaken far
+/// more than most of them, as in a hover or a take-off. Without a speed, they are the quietest windows in which no
+/// other source reports motion.
 fn resting(windows: &[Window]) -> Vec<bool> {
     if is_told(windows) {
         let told = || windows.iter().filter(|w| w.stands == Some(true));
         let usual = |of: fn(&Window) -> f64| median(told().map(of));
         let (force, rate) = (usual(|w| w.shaking().0), usual(|w| w.shaking().1));
-        let is_usual = |w: &Window| w.shaking().0 <= QUIET * force && w.shaking().1 <= QUIET * rate;
+        let bias = [0, 1, 2].map(|i| median(told().map(|w| w.rate[i].0)));
+        let limits = ((QUIET * force).min(SHAKEN), QUIET * rate.min(WAVERING));
+        let is_usual = |w: &Window| w.shaking().0 <= limits.0 && w.shaking().1 <= limits.1 && w.turns(bias) < UNSTEADY;
         return windows.iter().map(|w| w.stands == Some(true) && is_usual(w)).collect();
     }
     let quiet = |of: fn(&Window) -> f64| quantile(windows.iter().map(of), 0.05);
@@ -192,11 +205,10 @@ fn resting(windows: &[Window]) -> Vec<bool> {
     let mean = [0, 1, 2].map(|i| moments(windows.iter().map(|w| w.rate[i].0)).0);
     let is_lasting = norm([0, 1, 2].map(|i| bias[i] - mean[i])) < TURNING && norm(bias) < BIASED;
     let is_bias = norm(bias) < TURNING || is_lasting;
-    // A mean of a second at rest moves by less than 0.02 rad/s, 1 deg/s.
-    let is_steady = |w: &Window| norm([0, 1, 2].map(|i| w.rate[i].0 - bias[i])) < 0.02 && is_bias;
+    let is_steady = |w: &Window| w.turns(bias) < UNSTEADY && is_bias;
     let limit = (QUIET * force).min(SHAKEN);
-    let is_quiet = |w: &Window| w.shaking().0 <= limit && w.shaking().1 <= QUIET * rate.min(0.05) && is_steady(w);
-    windows.iter().map(is_quiet).collect()
+    let is_quiet = |w: &Window| w.shaking().0 <= limit && w.shaking().1 <= QUIET * rate.min(WAVERING) && is_steady(w);
+    windows.iter().map(|w| w.stands != Some(false) && is_quiet(w)).collect()
 }
 
 /// The smallest step between neighbouring samples: the resolution of the written numbers; NaN for a constant.

@@ -171,7 +171,8 @@ impl Inspection {
         let stands = |t: f64| match (reported, &wheels) {
             (Some(track), _) => track.speed(t).map(|speed| speed < SLOW),
             (None, Some(wheels)) => wheels.stands(t),
-            (None, None) => None,
+            // Fixes tell motion, but not rest.
+            (None, None) => best.and_then(|(_, track)| track.moves(t)).map(|_| false),
         };
         let mut imu = units(&logs).first().and_then(|k| Some((*k, Imu::of(&logs[*k], &stands)?)));
         // A unit that swings now and then, but is faster than a runner, is not on a foot.

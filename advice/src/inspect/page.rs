@@ -268,6 +268,11 @@ impl Inspection {
             let what = if kind == Speed { "the speed is" } else { "the body velocity is" };
             t.row([what, &current]);
         }
+        let sideways = format!(
+            "the velocity changes by {:.2} m/s a second (1σ) without a turn of the unit",
+            pair.slip
+        );
+        t.row(["sideways", &sideways]);
         if let (None, Some((_, correlation))) = (pair.ahead(), pair.forward) {
             t.row(["ahead", &format!("not decided (correlation {correlation:.2})")]);
         }

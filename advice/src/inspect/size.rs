@@ -1,6 +1,6 @@
 //! The unit of a quantity, by the size of its values where no name gives it.
 
-use super::numbers::{Vec3, norm, quantile};
+use super::numbers::{Vec3, moments, norm, quantile};
 use super::signal::{Kind, Signal, UNNAMED, factor};
 use super::turn;
 use super::words::Words;
@@ -38,8 +38,9 @@ pub(super) fn settle(signal: &mut Signal, table: &LogTable, rate: f64) {
 /// Finds the unit of gyros without a named unit, from the turns of the magnetic field or of gravity. Hands turn a unit
 /// faster than 10 rad/s, and vehicles turn slower than 10 deg/s, so the size alone does not show it.
 pub(super) fn settle_by_turns(found: &mut [Signal], table: &LogTable, rate: f64) {
-    /// In this time, hands turn a unit by only a small angle [s].
-    const STEP: f64 = 0.1;
+    /// In the first time, hands turn a unit by only a small angle. Over the others, the vibration of slower vehicles
+    /// averages out [s].
+    const STEPS: [f64; 3] = [0.1, 0.3, 1.0];
     // Accelerations do not turn the field.
     let directions = [(Kind::MagneticField, "the field"), (Kind::SpecificForce, "gravity")].map(|(kind, name)| {
         let signal = found.iter().find(|s| s.kind == kind && !s.increment);
@@ -49,8 +50,10 @@ pub(super) fn settle_by_turns(found: &mut [Signal], table: &LogTable, rate: f64)
     let is_named = |s: &Signal| Words::of(table.columns[s.columns[0].0].called()).unit.is_some();
     let Some(gyros) = gyros.filter(|s| !is_named(s)) else { return };
     let raw: Vec<Vec3> = (0..table.rows()).map(|row| gyros.raw(table, row)).collect();
-    let told = directions.iter().flatten();
-    let mut slopes = told.filter_map(|(direction, name)| Some((turn::slope(direction, &raw, rate, STEP)?, *name)));
+    let told = STEPS
+        .iter()
+        .flat_map(|step| directions.iter().flatten().map(move |told| (told, *step)));
+    let mut slopes = told.filter_map(|((direction, name), step)| Some((turn::slope(direction, &raw, rate, step)?, *name)));
     let Some((slope, what)) = slopes.next() else { return };
     let (radians, degrees) = (1.0, 1_f64.to_radians());
     // The threshold is half-way between the two on a logarithmic scale.
@@ -106,6 +109,18 @@ fn length(signal: &Signal, table: &LogTable, share: f64) -> f64 {
     quantile((0..table.rows()).map(|row| norm(signal.raw(table, row))), share)
 }
 
+/// The median length of the means over a second. Vibration and manoeuvres average out, and gravity does not. `None` for
+/// a unit that tumbles, and for accelerations without gravity: the mean of the whole log is then small.
+fn steady_length(signal: &Signal, table: &LogTable, rate: f64) -> Option<f64> {
+    /// The least length of the mean of the whole log, as a share of the median length of the means.
+    const UPRIGHT: f64 = 0.5;
+    let second = math::round(rate).max(1.0) as usize;
+    let mean = |rows: Range<usize>| [0, 1, 2].map(|axis| moments(rows.clone().map(|row| signal.raw(table, row)[axis])).0);
+    let whole = table.rows() / second;
+    let steady = quantile((0..whole).map(|k| norm(mean(k * second..(k + 1) * second))), 0.5);
+    (norm(mean(0..table.rows())) > UPRIGHT * steady).then_some(steady)
+}
+
 /// The possible lengths of a vector in SI, and the units that instruments write it in, with the decimals that show it.
 type Sizes = (Range<f64>, &'static [(&'static str, usize)]);
 
@@ -136,10 +151,15 @@ fn unit_by_values(s: &Signal, table: &LogTable, rate: f64) -> Option<(&'static s
     }
     if let Some((sizes, units)) = sizes(s.kind) {
         let m = length(s, table, 0.5);
-        let is = units.iter().find(|(unit, _)| sizes.contains(&(m * factor(unit))));
         let what = if s.kind == Kind::Pressure { "median" } else { "median length" };
+        let steady = (s.kind == Kind::SpecificForce).then(|| steady_length(s, table, rate)).flatten();
+        let steady = steady.map(|m| (m, "median length of the means over a second"));
+        let is = [Some((m, what)), steady].into_iter().flatten().find_map(|(m, what)| {
+            let (unit, decimals) = units.iter().find(|(unit, _)| sizes.contains(&(m * factor(unit))))?;
+            Some((*unit, format!("{what} {m:.decimals$}")))
+        });
         return match is {
-            Some((unit, decimals)) => Some((unit, format!("{what} {m:.decimals$}"))),
+            Some(found) => Some(found),
             None => (s.kind == Kind::SpecificForce).then(|| ("counts", format!("median length {m:.1}, taken as one g"))),
         };
     }

@@ -132,11 +132,19 @@ fn slow_motion_is_no_rest() {
 #[test]
 fn rest_is_where_the_reported_speed_says_so() {
     let log = Log::of(unit());
-    let told = Imu::of(&log, &|t| Some(t > 40.0)).unwrap().rest.unwrap();
+    let told = Imu::of(&log, &|t| Some((5.0..15.0).contains(&t))).unwrap().rest.unwrap();
     assert!(
-        (told.first.0 - 40.0).abs() < 1.1 && (told.share - 1.0 / 3.0).abs() < 0.03,
+        (told.first.0 - 5.0).abs() < 1.1 && (told.share - 1.0 / 6.0).abs() < 0.03,
         "{told:?}"
     );
+}
+
+#[test]
+fn a_slow_unit_that_is_shaken_and_turns_is_not_at_rest() {
+    // From 20 s on it is shaken by up to 1 m/s² and turns by up to 20 deg/s about each axis.
+    let hover = |from: f64| Imu::of(&Log::of(unit()), &|t| Some(t > from)).unwrap().rest;
+    assert!(hover(40.0).is_none());
+    assert!(hover(15.0).is_some_and(|rest| rest.first.1 < 6.1), "{:?}", hover(15.0));
 }
 
 /// Five minutes at 1 Hz northwards at 3 m/s, climbing at 0.5 m/s; the reported vertical velocity has the factor `sign`.
@@ -391,6 +399,53 @@ fn a_take_off_at_low_speed_is_no_rest() {
     let rest = Imu::of(&Log::of(unit()), &|t| Some(t < 22.0)).unwrap().rest.unwrap();
     assert!((rest.first.1 - 20.0).abs() < 1.1, "{rest:?}");
     assert!(rest.accel_std.iter().all(|s| *s < 0.007), "{rest:?}");
+}
+
+/// A unit that is hardly shaken and turns at 2 deg/s, with fixes once a second that move at this speed \[m/s\].
+fn steady(speed: f64) -> Inspection {
+    let turn = 2_f64.to_radians();
+    let shaken = |t: f64, seed: f64| 0.01 * noise(t, seed);
+    let unit = table(
+        &[
+            ("t_s", &|t| t),
+            ("ax", &move |t| shaken(t, 1.0)),
+            ("ay", &move |t| speed * turn + shaken(t, 2.0)),
+            ("az", &move |t| -9.81 + shaken(t, 3.0)),
+            ("gx_dps", &move |t| shaken(t, 4.0)),
+            ("gy_dps", &move |t| shaken(t, 5.0)),
+            ("gz_dps", &move |t| 2.0 + shaken(t, 6.0)),
+        ],
+        3000,
+        50.0,
+    );
+    let mut fixes = table(
+        &[
+            ("t_s", &|t| t),
+            ("north_m", &move |t| speed / turn * (turn * t).sin() + noise(t, 7.0)),
+            ("east_m", &move |t| -speed / turn * (turn * t).cos() + noise(t, 8.0)),
+            ("down_m", &move |t| noise(t, 9.0)),
+        ],
+        60,
+        1.0,
+    );
+    fixes.path = "fixes.csv".into();
+    Inspection::look(vec![Log::of(unit), Log::of(fixes)])
+}
+
+#[test]
+fn a_quiet_unit_whose_fixes_move_is_not_at_rest_and_starts_at_their_speed() {
+    let resting = steady(0.0);
+    assert!(resting.imu.as_ref().unwrap().1.rest.as_ref().is_some_and(|rest| rest.share > 0.99));
+    let design = resting.design(Path::new("/")).unwrap();
+    assert!(design.contains("velocity_sigma = \"0.5 m/s\""), "{design}");
+    let moving = steady(8.0);
+    assert!(moving.imu.as_ref().unwrap().1.rest.is_none());
+    let design = moving.design(Path::new("/")).unwrap();
+    assert!(!design.contains("2.00 deg/s"), "{design}");
+    let sigma = design.split_once("velocity_sigma = \"").unwrap().1;
+    let sigma: f64 = sigma.split_once(' ').unwrap().0.parse().unwrap();
+    // The slope of six fixes with errors below 1 m: within half a metre per second.
+    assert!((sigma - 8.0).abs() < 0.5, "{design}");
 }
 
 #[test]

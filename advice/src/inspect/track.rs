@@ -1,7 +1,7 @@
 //! The track of a log: metres north and east, velocity, scatter.
 
 use super::log::Log;
-use super::numbers::{Vec3, median, quantile};
+use super::numbers::{Vec3, median, moments, quantile};
 use super::signal::{Kind, factor};
 use fusion_core::math;
 
@@ -226,6 +226,32 @@ impl Track {
         (t - self.t[k] < 2.0)
             .then(|| math::hypot(math::hypot(v[0], v[1]), vertical))
             .filter(|s| s.is_finite())
+    }
+
+    /// The horizontal speed of the line through the fixes around a time \[m/s\], if it is no chance and no slow error of
+    /// fixes at rest.
+    pub(super) fn moves(&self, t: f64) -> Option<f64> {
+        /// The fixes before and after the time that count [s].
+        const REACH: f64 = 5.0;
+        /// The 1σ of a slow error [m], and its correlation time [s]: a single-point receiver beside buildings.
+        const SLOW: (f64, f64) = (1.5, 60.0);
+        /// The probability of such a speed at rest, by chance. A long log has some thousands of such times.
+        const CHANCE: f64 = 1e-6;
+        let from = self.t.partition_point(|s| *s < t - REACH);
+        let to = self.t.partition_point(|s| *s <= t + REACH);
+        let (times, places) = (self.t.get(from..to)?, self.position.get(from..to)?);
+        if times.len() < 3 || times[times.len() - 1] - times[0] < REACH {
+            return None;
+        }
+        let middle = moments(times.iter().copied()).0;
+        let spread: f64 = times.iter().map(|s| math::powi(s - middle, 2)).sum();
+        let slope = |axis: usize| times.iter().zip(places).map(|(s, p)| (s - middle) * p[axis]).sum::<f64>() / spread;
+        let speed = math::hypot(slope(0), slope(1));
+        // A Gauss-Markov error changes by σ √(2 Δt / τ).
+        let slow = SLOW.0 * math::sqrt(2.0 / (2.0 * REACH * SLOW.1));
+        let variance = self.scatter * self.scatter / spread + slow * slow;
+        // Two normal components of one variance are longer than this with that probability.
+        (speed > math::sqrt(-2.0 * variance * math::ln(CHANCE))).then_some(speed)
     }
 
     /// The horizontal speed that 95 % of the rows stay below \[m/s\].

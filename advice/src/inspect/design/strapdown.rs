@@ -155,11 +155,23 @@ impl Inspection {
                     format!("{:.1} m/s", track.top_speed()),
                     "guessed: the usual top speed",
                 );
+            } else if let Some(speed) = self.initial_speed() {
+                let why = "guessed: the fixes move there at this speed";
+                draft.guess("velocity_sigma", format!("{speed:.1} m/s"), why);
             }
         }
         if told == Told::Nobody {
             draft.part("any heading");
         }
+    }
+
+    /// The speed \[m/s\] at which the fixes move at the start of a filter that does not wait for a rest.
+    fn initial_speed(&self) -> Option<f64> {
+        let ((_, imu), (_, track)) = (self.imu.as_ref()?, self.position.as_ref()?);
+        if self.early_rest(imu).is_some() || imu.stances.is_some() {
+            return None;
+        }
+        track.moves(*track.t.first()?)
     }
 
     /// Heading by the course.
@@ -175,7 +187,7 @@ impl Inspection {
     /// Roll and pitch at rest.
     pub(super) fn levelling(&self, draft: &mut Draft, imu: &Imu) {
         draft.part("level");
-        // A foot that walks before it rests for long starts at its first stance.
+        // Waiting for a late rest would leave out the log before it. A foot that walks before it rests for long starts at its first stance.
         let is_late = |s: &Stances| imu.rest.as_ref().is_none_or(|r| self.local(r.first.0) > 2.0 * s.period);
         if let Some(stances) = imu.stances.as_ref().filter(|s| is_late(s)) {
             let why = "guessed: the first stance; no longer rest comes before the walk";
@@ -184,7 +196,7 @@ impl Inspection {
             draft.guess("tilt_sigma", "3 deg", why);
             standing(draft, stances);
             draft.reason("still", "as of the stances below");
-        } else if let Some(r) = &imu.rest {
+        } else if let Some(r) = self.early_rest(imu) {
             let why = format!(
                 "guessed: half of the first rest, and 10 s at most; it is from {:.1} s for {:.1} s",
                 self.local(r.first.0),
@@ -199,17 +211,36 @@ impl Inspection {
             };
             draft.guess("gyro_bias_sigma", sigma, why);
             still(draft, r, r.times, &limits(r));
+        } else if let Some(r) = &imu.rest {
+            let why = format!(
+                "guessed: in motion, because the first rest is as late as {:.1} s",
+                self.local(r.first.0)
+            );
+            draft.guess("duration", "1 s", &why);
         }
+    }
+
+    /// The first rest, if it costs only a small part of the log to wait for it.
+    fn early_rest<'a>(&self, imu: &'a Imu) -> Option<&'a Rest> {
+        /// The largest share of the log before that rest.
+        const WAIT: f64 = 0.05;
+        let (k, _) = self.imu.as_ref()?;
+        let (from, to) = self.logs[*k].clock.as_ref()?.span();
+        imu.rest.as_ref().filter(|rest| rest.first.0 - from <= WAIT * (to - from))
     }
 
     /// Whether it is a vehicle that does not slip sideways: fast, level, sometimes at rest.
     fn is_road_vehicle(&self) -> bool {
+        /// Five times the sideways 1σ of the constraint: noise of the velocity and the lever arm of the antenna are in it
+        /// too [m/s].
+        const SLIPPING: f64 = 0.5;
         let fits = |t: &crate::inspect::Track| t.top_speed() > 5.0 && self.has_course();
         let rests = self.imu.as_ref().and_then(|(_, i)| i.rest.as_ref()).is_some_and(|r| r.share > 0.01);
         let forward = self.pair.and_then(|p| p.forward).is_some_and(|(_, c)| c > 0.7);
+        let holds = self.pair.is_some_and(|p| p.slip < SLIPPING);
         let is_dry =
             self.with(super::super::Kind::Depth).is_none() && ![Speed, BodyVelocity].iter().any(|kind| self.current(*kind).is_some());
-        rests && forward && is_dry && self.position.as_ref().is_some_and(|(_, t)| fits(t))
+        rests && forward && holds && is_dry && self.position.as_ref().is_some_and(|(_, t)| fits(t))
     }
 
     /// The constraints of a road vehicle, as in configs/parts/vehicle/car.toml.

@@ -28,6 +28,34 @@ fn what_is_beside_a_short_rest_does_not_hide_it() {
     assert!(rest.first.0 < 0.1 && (rest.first.1 - 2.0).abs() < 0.1, "{rest:?}");
 }
 
+/// The unit of specific forces that are shaken by this number of g, with this share of gravity.
+fn unit_of_force(shaken: f64, gravity: f64, in_g: bool) -> Option<String> {
+    let one = if in_g { 1.0 } else { 9.80665 };
+    let force = move |t: f64, seed: f64| one * shaken * noise(t, seed);
+    let log = Log::of(table(
+        &[
+            ("t_s", &|t| t),
+            ("ax", &move |t| force(t, 1.0)),
+            ("ay", &move |t| force(t, 2.0)),
+            ("az", &move |t| force(t, 3.0) - one * gravity),
+        ],
+        2500,
+        100.0,
+    ));
+    Some(log.signal(Kind::SpecificForce)?.unit.clone())
+}
+
+#[test]
+fn a_strongly_shaken_unit_shows_its_unit_by_means_over_a_second() {
+    for shaken in [0.1, 0.5, 1.0] {
+        assert_eq!(unit_of_force(shaken, 1.0, false).as_deref(), Some("m/s^2"), "{shaken} g");
+        assert_eq!(unit_of_force(shaken, 1.0, true).as_deref(), Some("g"), "{shaken} g");
+    }
+    // Motion without gravity: no specific force.
+    assert_eq!(unit_of_force(3.0, 0.0, false), None);
+    assert_eq!(unit_of_force(0.3, 0.0, false), None);
+}
+
 /// The design for a unit whose rates are `times` those of [`unit`], with fixes.
 fn turned(times: f64) -> String {
     let mut shaken = unit();
