@@ -2,7 +2,6 @@
 
 use super::Told;
 use super::draft::{Draft, list};
-use crate::inspect::numbers::norm;
 use crate::inspect::page::{degrees, vector};
 use crate::inspect::signal::Kind::{AngularRate, BodyVelocity, SpecificForce, Speed};
 use crate::inspect::{Imu, Inspection, Rest, Stances, Track};
@@ -10,6 +9,8 @@ use fusion_core::math;
 
 /// The factor from densities at rest to densities under vibration.
 const SHAKEN: f64 = 3.0;
+/// What motion changes in the bias of the gyros, 1σ \[deg/s\].
+const BIAS: f64 = 0.05;
 /// No unit is assumed better in motion \[m/s²/√Hz\], \[rad/s/√Hz\].
 const FLOOR: (f64, f64) = (8e-3, 2e-4);
 
@@ -111,18 +112,15 @@ impl Inspection {
         draft.guess("gyro.noise", format!("{rate:.1e} rad/s/sqrt(Hz)"), &why(rest.map(|r| r.gyro_noise)));
         let of_force = why(rest.map(|r| r.accel_noise));
         draft.guess("accelerometer.noise", format!("{force:.1e} m/s^2/sqrt(Hz)"), &of_force);
-        draft.set("gyro.bias.sigma", if rest.is_some() { "0.05 deg/s" } else { "0.5 deg/s" });
+        let sigma = if rest.is_some() { BIAS } else { 10.0 * BIAS };
+        draft.set("gyro.bias.sigma", format!("{sigma} deg/s"));
         let unit = "guessed: a micro-mechanical unit; see configs/parts/imu for data sheets";
         self.gyro_bias(draft, "gyro.bias", rest, unit);
     }
 
-    /// The gyro bias in body axes, if it is large enough. `unit` is the reason for its 1σ.
+    /// The gyro bias in body axes, if a rest shows it. `unit` is the reason for its 1σ.
     pub(super) fn gyro_bias(&self, draft: &mut Draft, key: &str, rest: Option<&Rest>, unit: &str) {
-        /// Ten times the 1σ of a bias found at rest [rad/s].
-        const LARGE: f64 = 0.0087;
-        let Some(rest) = rest.filter(|r| norm(r.bias) > LARGE) else {
-            return draft.reason(key, unit);
-        };
+        let Some(rest) = rest else { return draft.reason(key, unit) };
         let bias = degrees(self.in_body(rest.bias)).map(|b| format!("{b:.2} deg/s"));
         draft.set(&format!("{key}.initial"), list(bias));
         draft.reason(key, &format!("{unit}; its mean rate at rest"));
@@ -202,14 +200,21 @@ impl Inspection {
                 self.local(r.first.0),
                 r.first.1
             );
-            draft.guess("duration", format!("{:.1} s", (0.5 * r.first.1).clamp(1.0, 10.0)), &why);
+            let duration = (0.5 * r.first.1).clamp(1.0, 10.0);
+            draft.guess("duration", format!("{duration:.1} s"), &why);
             draft.guess("tilt_sigma", "1 deg", "guessed: 0.1 m/s² of accelerometer bias is 0.6 deg");
             let (sigma, why) = if imu.stances.is_some() {
-                ("0.5 deg/s", "guessed: a foot that rests is never quite still")
+                (0.5, "guessed: a foot that rests is never quite still")
             } else {
-                ("0.05 deg/s", "guessed: the mean at rest, less what motion changes")
+                let noise = (r.gyro_noise / math::sqrt(duration)).to_degrees();
+                // A rest of two windows has no noise of its means.
+                let noise = if noise.is_finite() { noise } else { 0.0 };
+                (
+                    math::hypot(BIAS, noise),
+                    "guessed: what motion changes, and the noise of the mean over that time",
+                )
             };
-            draft.guess("gyro_bias_sigma", sigma, why);
+            draft.guess("gyro_bias_sigma", format!("{sigma:.2} deg/s"), why);
             still(draft, r, r.times, &limits(r));
         } else if let Some(r) = &imu.rest {
             let why = format!(
