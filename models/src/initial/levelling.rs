@@ -6,10 +6,12 @@
 //!            ψ = atan2(−ω_y', ω_x')
 //! Tilt 1σ    σ² = `tilt_sigma`² + s²/|f|², s the 1σ, across f, of the mean forces of eighths of the rest: vibration
 //!            averages out, the acceleration of a moving vehicle does not
+//! Bias 1σ    σ² = `gyro_bias_sigma`² + s², s the 1σ of the mean rates of eighths of the rest, if the noise of samples
+//!            hardly causes such an s: a vehicle that turns slowly within that noise passes the rest test
 //! Predicted  σ_ψ² = (σ_g² + N_g²/T)/(Ω cos φ)² + ((σ_a/g) tan φ)²
 //! Kept       after the vehicle moves, the gyros carry the attitude to the start
 //! Valid      at rest, |latitude| < 80° for compassing
-//! Source     Groves 2013, §5.6; Titterton and Weston 2004, §10.3
+//! Source     Groves 2013, §5.6; Titterton and Weston 2004, §10.3; the bound of a χ²: Laurent and Massart 2000, lemma 1
 
 use super::write_attitude;
 use crate::stage::still::StillTest;
@@ -58,8 +60,10 @@ pub struct Compass {
     lat: f64,
 }
 
-/// Parts of the rest whose mean forces are compared.
+/// Parts of the rest whose mean forces and rates are compared.
 const PARTS: f64 = 8.0;
+/// −ln of the probability that noise alone makes the mean rates of parts scatter so much: one in a million.
+const CHANCE: f64 = 13.8;
 
 /// Sums over one period of rest.
 #[derive(Clone, Copy, Debug, Default, Literal)]
@@ -69,19 +73,54 @@ pub struct Rest {
     w: Vector3<f64>,
     f: Vector3<f64>,
     parts: Parts,
+    turns: Parts,
+    /// The sum of the squared steps from each rate to the next.
+    steps: Vector3<f64>,
+    last: Vector3<f64>,
 }
-memory!(Rest { since, count, w, f, parts });
+memory!(Rest {
+    since,
+    count,
+    w,
+    f,
+    parts,
+    turns,
+    steps,
+    last
+});
 
 impl Rest {
     fn add(&mut self, w: &Vector3<f64>, f: &Vector3<f64>, share: f64) {
+        if self.count > 0.0 {
+            let step = w - self.last;
+            self.steps += step.component_mul(&step);
+        }
+        self.last = *w;
+        self.turns.add(w, share);
         self.count += 1.0;
         self.w += w;
         self.f += f;
         self.parts.add(f, share);
     }
+
+    /// The 1σ of the mean rates of the parts \[rad/s\], per axis; zero where noise explains it.
+    fn turning(&self) -> Vector3<f64> {
+        let freedom = (self.turns.complete - 1.0).max(1.0);
+        let explained = 1.0 + 2.0 * math::sqrt(CHANCE / freedom) + 2.0 * CHANCE / freedom;
+        // White samples step by √2 of their 1σ.
+        let of_part = 0.5 * self.turns.complete / (self.count * (self.count - 1.0).max(1.0));
+        Vector3::from_fn(|axis, _| {
+            let variance = self.turns.squares[(axis, axis)] / freedom;
+            if variance > explained * of_part * self.steps[axis] {
+                math::sqrt(variance)
+            } else {
+                0.0
+            }
+        })
+    }
 }
 
-/// Mean and scatter of the mean forces of equal parts of a rest.
+/// Mean and scatter of the means of equal parts of a rest.
 #[derive(Clone, Copy, Debug, Default, Literal)]
 pub struct Parts {
     /// Sums of the current part.
@@ -101,7 +140,7 @@ memory!(Parts {
 });
 
 impl Parts {
-    /// Adds a force when `share` of the rest has passed.
+    /// Adds a force or a rate when `share` of the rest has passed.
     fn add(&mut self, f: &Vector3<f64>, share: f64) {
         self.count += 1.0;
         self.sum += f;
@@ -136,6 +175,8 @@ pub struct Levelling {
     found: Option<(UnitQuaternion<f64>, Vector3<f64>)>,
     /// 1σ of tilt \[rad\] from the wandering force in the rest that was found.
     wander: f64,
+    /// 1σ of the gyro bias \[rad/s\] from a slow turn in that rest.
+    turning: Vector3<f64>,
     last: Option<Time>,
     /// The longest rest so far \[s\].
     longest: f64,
@@ -149,6 +190,7 @@ impl Memory for Levelling {
         self.rest.remember(tape);
         self.found.remember(tape);
         self.wander.remember(tape);
+        self.turning.remember(tape);
         self.last.remember(tape);
         self.longest.remember(tape);
     }
@@ -165,6 +207,7 @@ impl Levelling {
         });
         self.found = Some((q, w - earth));
         self.wander = self.rest.parts.wander(&f);
+        self.turning = self.rest.turning();
     }
 }
 
@@ -228,7 +271,8 @@ impl Initialiser for Levelling {
         write_attitude(layout, belief, q, &[tilt, tilt, yaw]);
         if let (Some(sigma), Some(b)) = (&self.gyro_bias_sigma, layout.block(state::GYRO_BIAS)) {
             Vector::<3>::write(bias, &mut belief.x[b.storage_range()]);
-            belief.covariance.set_sigmas(b, sigma);
+            let sigma: [f64; 3] = core::array::from_fn(|axis| math::hypot(sigma[axis], self.turning[axis]));
+            belief.covariance.set_sigmas(b, &sigma);
         }
     }
 
@@ -326,6 +370,7 @@ gyro_bias_sigma = "0.05 deg/s"
                 rest: Rest::default(),
                 found: None,
                 wander: 0.0,
+                turning: Vector3::zeros(),
                 last: None,
                 longest: 0.0,
             }))
@@ -449,6 +494,7 @@ mod tests {
                     rest: Rest::default(),
                     found: None,
                     wander: 0.0,
+                    turning: Vector3::zeros(),
                     last: None,
                     longest: 0.0,
                 };
@@ -479,6 +525,7 @@ mod tests {
             rest: Rest::default(),
             found: None,
             wander: 0.0,
+            turning: Vector3::zeros(),
             last: None,
             longest: 0.0,
         }
@@ -504,6 +551,26 @@ mod tests {
         let expected = (8.0_f64 / 7.0 / 2.0).sqrt() / (G * G + 1.0).sqrt();
         // 3 %: the axis across the mean force, which leans by 0.1 rad, and the sample between the halves.
         assert!((driving / expected - 1.0).abs() < 0.03, "{driving} {expected}");
+    }
+
+    #[test]
+    fn the_1_sigma_of_the_bias_grows_by_a_slow_turn_and_not_by_noise() {
+        // Four seconds at 100 Hz with white noise of 0.03 rad/s: a turn of 0.05 rad/s is hardly above it.
+        let turning = |seed: u64, rate: &dyn Fn(f64) -> f64| {
+            let (mut levelling, mut random) = (unbounded(4.0), Lcg::new(seed));
+            (0..=400).for_each(|k| {
+                let t = f64::from(k) * 0.01;
+                let [x, y, z] = core::array::from_fn(|_| 0.03 * random.normal());
+                levelling.row(0, Time::from_seconds(t), &[x, y, z + rate(t), 0.0, 0.0, -G]);
+            });
+            assert!(levelling.found.is_some());
+            levelling.turning
+        };
+        // One in a million for each axis: 600 draws have none.
+        assert!((0..200).all(|seed| turning(seed, &|_| 0.01) == V::zeros()));
+        // From 3 s on: means of 0 and 0.05 in six and two of eight parts, 1σ 0.0231 rad/s, with noise of 0.004 rad/s.
+        let found = turning(1, &|t| if t > 3.0 { 0.05 } else { 0.0 });
+        assert!(found.x == 0.0 && found.y == 0.0 && (found.z - 0.0231).abs() < 0.008, "{found}");
     }
 
     #[test]
