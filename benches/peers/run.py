@@ -25,6 +25,7 @@ CHAPTER = common.ROOT / "book" / "src" / "beside-others.md"
 # The name of a peer, and the module that compares with it.
 PEERS = {
     "fusion-nav": "flights",
+    "fusion-nav-small": "microcontroller",
     "ekf2": "autopilot",
     "attitude": "attitude",
     "robots": "robots",

@@ -78,14 +78,14 @@ def compile_design(fusion: str, path: Path, changes: list[str]) -> str | None:
         return run("cargo", "run", "--quiet", "--release", "--example", "replay", cwd=FILTER, stdin=rows, env=target).strip()
 
 
-def replay(board: str, profile: dict[str, str]) -> tuple[Path, dict[str, list[str]]]:
-    """The program for a board, and what it prints there, by its first word."""
+def replay(board: str, profile: dict[str, str], folder: Path = HERE) -> tuple[Path, dict[str, list[str]]]:
+    """The program of a folder for a board, and what it prints there, by its first word. It reads the rows of the filter."""
     triple, processor, emulator = BOARDS[board]
-    target = HERE / "target" / (processor or "riscv")
+    target = folder / "target" / (processor or "riscv")
     environment = {**os.environ, **profile, "CARGO_TARGET_DIR": str(target)}
     # Joined with the flags of `.cargo/config.toml`; the variable RUSTFLAGS would replace them.
     flags = ["--config", f"target.{triple}.rustflags=['-C', 'target-cpu={processor}']"] if processor else []
-    run("cargo", "build", "--quiet", "--release", "--target", triple, *flags, cwd=HERE, env=environment)
+    run("cargo", "build", "--quiet", "--release", "--target", triple, *flags, cwd=folder, env=environment)
     program = target / triple / "release/microcontroller"
     semihosting = ["-nographic", "-semihosting-config", "enable=on,target=native", "-icount", "shift=0"]
     printed = run(*emulator, *semihosting, "-kernel", str(program), cwd=FILTER, timeout=3600)
@@ -121,9 +121,9 @@ def law(fusion: str) -> None:
     print(f"{compared} designs have equal bits")
 
 
-def measure(board: str) -> dict[str, list[str]]:
+def measure(board: str, profile: dict[str, str] | None = None, folder: Path = HERE) -> dict[str, list[str]]:
     """What the program prints on a board, and its size."""
-    program, facts = replay(board, {})
+    program, facts = replay(board, profile or {}, folder)
     tools = Path(run("rustc", "--print", "sysroot").strip()).glob("lib/rustlib/*/bin")
     tools = next((folder for folder in tools if (folder / "llvm-size").exists()), None)
     if tools is None:
@@ -132,7 +132,8 @@ def measure(board: str) -> dict[str, list[str]]:
     size = {name: int(bytes) for name, bytes in sizes}
     facts["flash"] = [str(sum(size.get(name, 0) for name in (".vector_table", ".text", ".rodata", ".data")))]
     # Without the block of the heap, which is as large as the largest design needs.
-    facts["static"] = [str(size.get(".data", 0) + size.get(".bss", 0) - (1 << 20))]
+    room = int(facts["heap"][0].split()[2]) if "heap" in facts else 0
+    facts["static"] = [str(size.get(".data", 0) + size.get(".bss", 0) - room)]
     assembly = run(str(tools / "llvm-objdump"), "-d", "--demangle", "--no-show-raw-insn", str(program))
     # Branches, with or without a link, to functions that panic.
     branch = r"\t(?:bl?|blx|b\.w|jal|jalr|j|call|tail)\b.*<(?:core::(?:panicking|cell::panic\w*|option::\w*fail\w*|result::\w*fail\w*|slice::\w+::\w*fail\w*)|alloc::\w+::\w*(?:error|overflow))"
