@@ -154,7 +154,7 @@ pub(crate) fn ascending(columns: impl Iterator<Item = u16> + Clone) -> Vec<u16> 
 /// Working memory of a product, allocated once.
 #[derive(Clone, Debug)]
 pub struct Product {
-    /// A and R, with the row length of P.
+    /// A with n rows, and R with as many as Φ changes, with the row length of P.
     a: Lines,
     r: Lines,
     /// The diagonal of Φ if it is scaled, otherwise 1.
@@ -162,15 +162,29 @@ pub struct Product {
 }
 
 impl Product {
-    /// For `n` rows.
+    /// For `n` rows. The first product by a plan takes more memory, unless one by a plan as large has done so.
     #[must_use]
     pub fn new(n: usize) -> Self {
         let ld = n.next_multiple_of(8);
         Self {
             a: Lines::zeros(n * ld),
-            r: Lines::zeros(n * ld),
+            r: Lines::default(),
             diagonal: Lines::zeros(ld),
         }
+    }
+
+    /// Room for a product by this plan.
+    #[inline]
+    fn reserve(&mut self, plan: &Plan) {
+        let wanted = plan.end * plan.ld();
+        if self.r.len() < wanted {
+            self.r = Lines::zeros(wanted);
+        }
+    }
+
+    /// Memory for n rows of P, which a product overwrites. A product has to be used up before.
+    pub fn lend(&mut self) -> &mut [f64] {
+        &mut self.a
     }
 
     /// (ΦPΦᵀ)_ii.
@@ -212,8 +226,9 @@ impl Product {
 #[inline(always)]
 pub(crate) fn product<L: Lanes>(plan: &Plan, phi: &[f64], p: &[f64], w: &mut Product) {
     let (n, ld) = (plan.n, plan.ld());
+    w.reserve(plan);
     let is_large = p.len() >= n * ld && phi.len() >= n * ld;
-    let has_room = w.a.len() >= n * ld && w.r.len() >= n * ld && w.diagonal.len() >= ld;
+    let has_room = w.a.len() >= n * ld && w.r.len() >= plan.end * ld && w.diagonal.len() >= ld;
     assert!(is_large && has_room, "matrices of {n} rows");
     if plan.is_scaled {
         for i in plan.end..n {
@@ -314,7 +329,7 @@ fn right<L: Lanes, const G: usize>(
         let row = L::load(row);
         for g in 0..G {
             #[expect(unsafe_code, reason = "see `some`")]
-            // SAFETY: as in `left_tiles`; A has as many rows as P.
+            // SAFETY: as in `left_tiles`; A has as many rows as P, and R has `end`.
             let [factor] = unsafe { some::<_, 1>(a, 8 * (first + g) * tiles + k) };
             sum[g] = L::splat(*factor).mul_add(row, sum[g]);
         }
@@ -333,7 +348,7 @@ fn right<L: Lanes, const G: usize>(
 pub(crate) fn place<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
     let (n, ld) = (plan.n, plan.ld());
     assert!(
-        p.len() >= n * ld && w.a.len() >= n * ld && w.r.len() >= n * ld && w.diagonal.len() >= ld,
+        p.len() >= n * ld && w.a.len() >= n * ld && w.r.len() >= plan.end * ld && w.diagonal.len() >= ld,
         "matrices of {n} rows"
     );
     for i in 0..plan.whole {
@@ -441,7 +456,7 @@ impl Plan {
     fn mirrored<L: Lanes>(&self, m: &[f64], mut own: L, count: usize, i: usize) -> L {
         for c in (0..count).rev() {
             #[expect(unsafe_code, reason = "see `some`")]
-            // SAFETY: `count` rows from there on are below n, i < ld; `place` looks at the lengths.
+            // SAFETY: `count` rows from there on are below `end`, i < ld; `place` looks at the lengths.
             let [value] = unsafe { some::<_, 1>(m, (8 * self.whole + c) * self.ld() + i) };
             own = own.after(c + 1, L::splat(*value));
         }
@@ -453,7 +468,7 @@ impl Plan {
 #[inline(always)]
 fn row<L: Lanes>(m: &[f64], tiles: usize, i: usize, t: usize) -> L {
     #[expect(unsafe_code, reason = "see `some`")]
-    // SAFETY: only for i < n, or i = 0 of the diagonal, and t < tiles; `place` looks at the lengths.
+    // SAFETY: only for i < n, i < `end` in R, or i = 0 of the diagonal, and t < tiles; `place` looks at the lengths.
     L::load(unsafe { some::<_, 8>(m, 8 * (i * tiles + t)) })
 }
 

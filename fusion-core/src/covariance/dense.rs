@@ -10,7 +10,7 @@
 
 use super::form::LARGEST;
 use super::{Form, Workspace};
-use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
+use crate::linear::{BEFORE, BlockMatrix, Jacobian, Transition, padded};
 use crate::math;
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -27,13 +27,11 @@ pub struct Standard;
 /// Working memory of the dense forms, sized once.
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
-    pub(super) a: Vec<f64>,
     product: Product,
     /// The elements of P before noise was added to them, before the transition.
     covered: Vec<f64>,
-    /// The optimal gain Kᵀ, and C, m rows each.
+    /// The gain Kᵀ of one row.
     k: Lines,
-    c: Lines,
     /// m×m.
     along: Vec<f64>,
     /// The largest factor by which the latest measurement has reduced the variance of its rows; infinite if
@@ -42,15 +40,16 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
+    /// Memory for a matrix of n padded rows, which nothing keeps.
+    pub(super) fn matrix(&mut self) -> &mut [f64] {
+        self.product.lend()
+    }
+
     pub(super) fn new(n: usize, m: usize) -> Self {
-        let ld = padded(n);
-        let rows = || Lines::zeros(m * ld);
         Self {
-            a: vec![0.0; n * ld],
             product: Product::new(n),
-            covered: Vec::with_capacity(n * n),
-            k: rows(),
-            c: rows(),
+            covered: Vec::with_capacity(BEFORE * n),
+            k: Lines::zeros(padded(n)),
             along: vec![0.0; m * m],
             reduction: f64::INFINITY,
         }
@@ -134,16 +133,18 @@ impl<'a> Whole<'a> {
     /// singular, as where several rows measure nearly the same.
     fn condition_accurately(&mut self, h: &Jacobian, r: &[f64], w: &mut Workspace) {
         let (n, ld, m, kernel) = (self.n, self.ld, h.rows(), w.kernel);
+        // HP has been used: C takes its place.
+        let Workspace { hp: c, u, kt, dense, .. } = w;
         if (0..m * m).any(|k| k / m != k % m && r[k] != 0.0) {
-            kernel.downdate(n, &w.u, m, self.p);
-            w.dense.k[..m * ld].copy_from_slice(&w.kt[..m * ld]);
-            return self.refine(0..m, h, r, &mut w.dense, kernel);
+            kernel.downdate(n, u, m, self.p);
+            return self.refine(0..m, h, r, (&kt[..m * ld], &mut c[..m * ld]), &mut dense.along, kernel);
         }
+        let (c, u, k) = (&mut c[..ld], &mut u[..ld], &mut dense.k);
         for i in 0..m {
-            let (row, own, r) = (&h.padded_rows()[i * ld..], &mut w.dense.c[..ld], r[i * m + i]);
+            let (row, r) = (&h.padded_rows()[i * ld..], r[i * m + i]);
             let mut s = [0.0];
-            kernel.project(1, row, h.columns(), self.p, own, ld);
-            kernel.inner(1, row, own, &mut s, ld);
+            kernel.project(1, row, h.columns(), self.p, c, ld);
+            kernel.inner(1, row, c, &mut s, ld);
             let s = s[0] + r;
             // Only rounding is left of S: the earlier rows give the same information without noise, so the gain
             // is rounding too. P is then set to NaN, and the estimator detects it.
@@ -151,26 +152,24 @@ impl<'a> Whole<'a> {
                 self.p[0] = f64::NAN;
                 return;
             }
-            let (own, u, k) = (&w.dense.c[..ld], &mut w.u[..ld], &mut w.dense.k[..ld]);
-            kernel.gain(&[math::sqrt(s)], 1, own, u, k, ld);
+            kernel.gain(&[math::sqrt(s)], 1, c, u, k, ld);
             kernel.downdate(n, u, 1, self.p);
-            self.refine(i..i + 1, h, &[r], &mut w.dense, kernel);
+            self.refine(i..i + 1, h, &[r], (k, c), &mut dense.along, kernel);
         }
     }
 
-    /// A ← (I − KH)A(I − KH)ᵀ for these rows of H, to the first order of what A is off by; their gain is in
-    /// `w.k`.
-    fn refine(&mut self, rows: Range<usize>, h: &Jacobian, r: &[f64], w: &mut Scratch, kernel: Kernel) {
+    /// A ← (I − KH)A(I − KH)ᵀ for these rows of H, to the first order of what A is off by. `k` is their gain; `c` is
+    /// memory for C, and `along` for m×m numbers.
+    fn refine(&mut self, rows: Range<usize>, h: &Jacobian, r: &[f64], (k, c): (&[f64], &mut [f64]), along: &mut [f64], kernel: Kernel) {
         let (n, ld, m) = (self.n, self.ld, rows.len());
-        let (k, c) = (&w.k[..m * ld], &mut w.c[..m * ld]);
         kernel.project(m, &h.padded_rows()[rows.start * ld..], h.columns(), self.p, c, ld);
         kernel.subtract(r, m, k, c, ld);
         // D = C − ½K(HC), so that A − DKᵀ − KDᵀ has the term of second order too; HC is symmetric but for
         // rounding of what is itself rounding.
         let own = &h.padded_rows()[rows.start * ld..];
-        kernel.inner(m, own, c, &mut w.along, ld);
-        w.along[..m * m].iter_mut().for_each(|v| *v *= 0.5);
-        kernel.subtract(&w.along, m, k, c, ld);
+        kernel.inner(m, own, c, along, ld);
+        along[..m * m].iter_mut().for_each(|v| *v *= 0.5);
+        kernel.subtract(along, m, k, c, ld);
         kernel.refine(n, c, k, m, self.p);
     }
 

@@ -94,12 +94,12 @@ role!(Form);
 /// Whether P with its variances a little larger can be factored. (A pivot of P itself may be far
 /// below zero although an eigenvalue is negative by rounding only.)
 pub(super) fn on_trial<F: Form + ?Sized>(form: &F, n: usize, p: &[f64], w: &mut Workspace) -> bool {
-    let ld = padded(n);
+    let (ld, a) = (padded(n), w.dense.matrix());
     for i in 0..n {
-        (0..i).for_each(|j| w.dense.a[i * ld + j] = form.element(n, p, i, j));
-        w.dense.a[i * ld + i] = form.element(n, p, i, i) * (1.0 + TOLERATED);
+        (0..i).for_each(|j| a[i * ld + j] = form.element(n, p, i, j));
+        a[i * ld + i] = form.element(n, p, i, i) * (1.0 + TOLERATED);
     }
-    upper::factor(n, &mut w.dense.a, 0..n) <= 0.0
+    upper::factor(n, a, 0..n) <= 0.0
 }
 
 /// Working memory of a measurement's passage and of the kernels, sized once.
@@ -109,7 +109,7 @@ pub struct Workspace {
     pub kernel: Kernel,
     /// Row length of `hp` and `kt`: n padded to a multiple of eight.
     pub ld: usize,
-    /// H P, m rows of `ld`.
+    /// H P, m rows of `ld`; conditioning may overwrite it.
     pub hp: Lines,
     /// H P Hᵀ, m×m.
     pub hph: Vec<f64>,

@@ -153,9 +153,14 @@ impl Covariance {
     /// Covariance of all axes of `block`, d×d, row by row.
     #[must_use]
     pub fn block(&self, block: &Block) -> Vec<f64> {
-        let axes = || block.tangent_range();
-        let pairs = axes().flat_map(|i| axes().map(move |j| (i, j)));
-        pairs.map(|(i, j)| self.form.element(self.n, &self.p, i, j)).collect()
+        self.block_elements(block).collect()
+    }
+
+    /// Its elements.
+    pub(crate) fn block_elements(&self, block: &Block) -> impl Iterator<Item = f64> {
+        let axes = block.tangent_range();
+        let pairs = axes.clone().flat_map(move |i| axes.clone().map(move |j| (i, j)));
+        pairs.map(|(i, j)| self.element(i, j))
     }
 
     /// Covariance of the first D axes of `block`, which has no fewer.

@@ -30,6 +30,7 @@ use crate::model::Input;
 use crate::state::{Block, Layout, View};
 use crate::time::Time;
 use alloc::boxed::Box;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
@@ -683,7 +684,7 @@ impl Estimator for Bank {
         self.hypotheses[self.shown].estimator.belief()
     }
 
-    fn layout(&self) -> &Layout {
+    fn layout(&self) -> &Arc<Layout> {
         self.hypotheses[self.shown].estimator.layout()
     }
 

@@ -17,6 +17,7 @@ use crate::covariance::{Covariance, Workspace};
 use crate::linear::Jacobian;
 use crate::memory::{Memory, Tape};
 use crate::state::{Block, Layout, StateRole};
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 /// Sum of shares at which a block is renewed: e⁻³ = 5 % of its error is left then.
@@ -34,9 +35,15 @@ pub(super) struct Earlier {
     next: Vec<f64>,
     /// Sum of shares of each kinematic block since it was renewed.
     shares: Vec<f64>,
-    blocks: Vec<Block>,
+    layout: Arc<Layout>,
     /// Largest square of a change, in σ, that errors explain.
     limit: f64,
+}
+
+/// The blocks whose earlier estimates are kept.
+fn motion(layout: &Layout) -> impl Iterator<Item = &Block> {
+    let moves = |b: &&Block| b.role == StateRole::Kinematic && b.kind.dim() <= MOST_AXES;
+    layout.blocks().iter().filter(moves)
 }
 
 impl Memory for Earlier {
@@ -49,14 +56,12 @@ impl Memory for Earlier {
 
 impl Earlier {
     /// For the kinematic blocks of `layout`.
-    pub(super) fn of(layout: &Layout) -> Self {
-        let moves = |b: &&Block| b.role == StateRole::Kinematic && b.kind.dim() <= MOST_AXES;
-        let blocks: Vec<Block> = layout.blocks().iter().filter(moves).cloned().collect();
+    pub(super) fn of(layout: &Arc<Layout>) -> Self {
         Self {
             used: layout.initial().to_vec(),
             next: layout.initial().to_vec(),
-            shares: vec![0.0; blocks.len()],
-            blocks,
+            shares: vec![0.0; motion(layout).count()],
+            layout: Arc::clone(layout),
             limit: chi_square_quantile(EXPLAINED, 1.0),
         }
     }
@@ -71,7 +76,7 @@ impl Earlier {
     /// Writes to `out` the state `x`, with the earlier value of each kinematic block that has not changed.
     pub(super) fn write(&self, x: &[f64], covariance: &Covariance, out: &mut [f64]) {
         out.copy_from_slice(x);
-        for block in &self.blocks {
+        for block in motion(&self.layout) {
             let (storage, mut change) = (block.storage_range(), [0.0; MOST_AXES]);
             block.kind.minus(&x[storage.clone()], &self.used[storage.clone()], &mut change);
             let axes = block.tangent_range().zip(change);
@@ -84,7 +89,7 @@ impl Earlier {
     /// Notes a correction that led to `x`, by its H and gain.
     pub(super) fn corrected(&mut self, x: &[f64], h: &Jacobian, work: &Workspace) {
         let (kt, ld) = (work.kt(), work.ld);
-        for (block, share) in self.blocks.iter().zip(&mut self.shares) {
+        for (block, share) in motion(&self.layout).zip(&mut self.shares) {
             if !h.touches(&block.tangent_range()) {
                 continue;
             }

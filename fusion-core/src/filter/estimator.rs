@@ -12,6 +12,7 @@ use crate::model::{Input, Measurement, Undefined};
 use crate::printed::role;
 use crate::state::{Layout, View};
 use crate::time::Time;
+use alloc::sync::Arc;
 use thiserror::Error;
 
 /// Why the estimator failed.
@@ -149,7 +150,7 @@ pub trait Estimator: Memory + Printed + Send {
     fn belief(&self) -> &Belief;
 
     /// The state layout.
-    fn layout(&self) -> &Layout;
+    fn layout(&self) -> &Arc<Layout>;
 
     /// Whether its belief has a covariance that means something.
     fn keeps_covariance(&self) -> bool {

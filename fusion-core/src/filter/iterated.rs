@@ -188,12 +188,14 @@ fn distance(work: &mut Innovation, is_weighed: bool) -> f64 {
 
 /// Residual and H̃ at x̂ ⊞ δ; false where h has no value there.
 pub(super) fn linearise(problem: &mut Problem<'_>, work: &mut Innovation) -> bool {
-    problem.move_to(&work.correction, &mut work.trial.x, &mut work.trial.by);
+    work.reset.exchange(&mut work.trial.by);
+    problem.move_to(&work.correction, &mut work.trial.x, &mut work.reset);
     // Lent for the time being, for `work` goes to the linearisation as a whole.
     let x = core::mem::take(&mut work.trial.x);
     let linearised = problem.linearise_at(&x, work);
     work.trial.x = x;
-    work.jacobian.compose(&work.trial.by, &mut work.trial.row);
+    work.jacobian.compose(&work.reset, &mut work.trial.row);
+    work.reset.exchange(&mut work.trial.by);
     linearised.is_ok() && work.residual[..work.rows].iter().all(|r| r.is_finite())
 }
 

@@ -16,7 +16,7 @@ use crate::belief::{Belief, Past};
 use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form, Kernel};
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Outcome};
-use crate::linear::{BlockMatrix, Jacobian, Transition};
+use crate::linear::{Jacobian, Transition};
 use crate::loss::Loss;
 use crate::math;
 use crate::memory::{Memory, Tape};
@@ -93,7 +93,6 @@ pub struct Filter {
     pub(super) transition: Transition,
     signals: Signals,
     pub(super) work: Innovation,
-    pub(super) reset: BlockMatrix,
     x_before: Vec<f64>,
     pub(super) p_before: Covariance,
     /// The steps of the latest call, if they are kept.
@@ -104,7 +103,7 @@ pub struct Filter {
 #[derive(Clone, Debug)]
 pub(super) struct Signals {
     pub(super) buffer: SignalBuffer,
-    /// The same under the input for derivatives.
+    /// The same under the input for derivatives, values alone.
     pub(super) smooth: SignalBuffer,
     evaluated: Evaluated,
 }
@@ -121,7 +120,7 @@ impl Signals {
     fn new(layout: &Layout) -> Self {
         Self {
             buffer: SignalBuffer::new(layout),
-            smooth: SignalBuffer::new(layout),
+            smooth: SignalBuffer::of_values(layout),
             evaluated: Evaluated::Nothing,
         }
     }
@@ -129,6 +128,13 @@ impl Signals {
     /// State or input have changed.
     pub(super) const fn forget(&mut self) {
         self.evaluated = Evaluated::Nothing;
+    }
+
+    /// The Jacobian under the input for derivatives, at the state `x`; it replaces that under the input in force.
+    pub(super) fn smooth_jacobian(&mut self, process: &dyn Process, x: &[f64], smooth: &Input<'_>) -> &Jacobian {
+        self.evaluated = self.evaluated.min(Evaluated::Values);
+        self.smooth.evaluate_into(&mut self.buffer.jacobian, process, x, smooth);
+        &self.buffer.jacobian
     }
 
     pub(super) fn evaluate(&mut self, process: &dyn Process, x: &[f64], input: &LastInput, with_jacobian: bool) {
@@ -180,7 +186,6 @@ impl Filter {
             is_open: false,
             signals: Signals::new(&layout),
             work,
-            reset: BlockMatrix::identity(n),
             x_before: vec![0.0; layout.storage()],
             p_before: Covariance::zeros(n, parts.form),
             chart: Arc::clone(&parts.chart),
@@ -309,7 +314,7 @@ impl Filter {
             let is_there = points.point(i, reach);
             for end in (0..2).filter(|_| is_there) {
                 points.x.copy_from_slice(&self.belief.x);
-                chart.correct(layout, &mut points.x, &points.delta[..n], Reset::Plain, &mut self.reset);
+                chart.correct(layout, &mut points.x, &points.delta[..n], Reset::Plain, &mut self.work.reset);
                 run(&mut points.x);
                 chart.difference(layout, &points.x, &points.centre, &mut points.ends[end][..n]);
                 points.delta.iter_mut().for_each(|d| *d = -*d);
@@ -318,9 +323,9 @@ impl Filter {
         }
         points.second_order(n, reach, spread);
         self.belief.x.copy_from_slice(&points.centre);
-        self.reset.reset();
-        chart.correct(layout, &mut self.belief.x, &points.mean[..n], Reset::Full, &mut self.reset);
-        points.carry(&self.reset);
+        self.work.reset.reset();
+        chart.correct(layout, &mut self.belief.x, &points.mean[..n], Reset::Full, &mut self.work.reset);
+        points.carry(&self.work.reset);
         let p = points.covariance(self.transition.noise_after());
         let Some(p) = p.filter(|_| layout.is_sane(&self.belief.x)) else {
             return false;
@@ -489,7 +494,7 @@ impl Filter {
                 innovation: w.s[..m * m].to_vec(),
                 gain: w.kt().chunks(w.ld).take(m).flat_map(|row| &row[..n]).copied().collect(),
                 correction: f.work.correction.clone(),
-                reset: is_reset.then(|| f.reset.clone()),
+                reset: is_reset.then(|| f.work.reset.clone()),
                 posterior: f.belief.clone(),
             }
         });
@@ -508,13 +513,11 @@ impl Filter {
 
     /// Moves the state by the correction, through the chart, and P with it. Returns whether P had to follow.
     fn apply(&mut self) -> bool {
-        self.reset.reset();
-        let x = &mut self.belief.x;
-        let is_reset = self
-            .chart
-            .correct(&self.layout, x, &self.work.correction, self.how, &mut self.reset);
+        let (x, work) = (&mut self.belief.x, &mut self.work);
+        work.reset.reset();
+        let is_reset = self.chart.correct(&self.layout, x, &work.correction, self.how, &mut work.reset);
         if is_reset {
-            self.belief.covariance.congruence(&self.reset, &mut self.work.work);
+            self.belief.covariance.congruence(&work.reset, &mut work.work);
         }
         self.signals.forget();
         is_reset
@@ -563,8 +566,11 @@ impl Memory for Filter {
         }
         // Sums run along the learnt patterns, which therefore decide the last bit.
         self.transition.phi.remember(tape);
-        self.reset.remember(tape);
-        self.work.trial.by.remember(tape);
+        let Innovation { reset, trial, .. } = &mut self.work;
+        reset.remember(tape);
+        reset.exchange(&mut trial.by);
+        reset.remember(tape);
+        reset.exchange(&mut trial.by);
         self.remember_anchor(tape);
     }
 }
@@ -598,7 +604,7 @@ impl Estimator for Filter {
         &self.belief
     }
 
-    fn layout(&self) -> &Layout {
+    fn layout(&self) -> &Arc<Layout> {
         &self.layout
     }
 

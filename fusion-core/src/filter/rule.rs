@@ -7,10 +7,11 @@ use super::sigma::{SigmaPoints, SigmaSpread};
 use crate::Printed;
 use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form, Workspace, axpy, cholesky, solve_lower};
-use crate::linear::{BlockMatrix, Jacobian};
+use crate::linear::{BlockMatrix, Jacobian, Pattern};
 use crate::model::{Input, LastInput, Process, Size, Undefined};
 use crate::printed::role;
 use crate::state::{Block, Layout, StateRole};
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt::Debug;
 
@@ -205,8 +206,7 @@ impl Problem<'_> {
                 }
             }
         }
-        signals.smooth.evaluate(process, x, smooth, true);
-        work.jacobian.chain(&signals.smooth.jacobian);
+        work.jacobian.chain(signals.smooth_jacobian(process, x, smooth));
         Ok(())
     }
 }
@@ -253,8 +253,8 @@ fn combine<const M: usize>(rows: &[f64], ld: usize, r: [f64; M], out: &mut [f64]
 /// The memory for linearising the measurement at another state.
 #[derive(Clone, Debug)]
 pub(super) struct Trial {
-    /// The Jacobian of the chart's retraction.
-    pub(super) by: BlockMatrix,
+    /// The pattern of the Jacobian of the chart's retraction. It takes turns with [`Innovation::reset`].
+    pub(super) by: Arc<Pattern>,
     /// The state.
     pub(super) x: Vec<f64>,
     /// A correction kept, and P⁻¹ times it.
@@ -274,10 +274,10 @@ pub(super) struct Trial {
 }
 
 impl Trial {
-    fn new(layout: &Layout, m: usize, value: usize) -> Self {
+    fn new(layout: &Layout, by: Arc<Pattern>, m: usize, value: usize) -> Self {
         let n = layout.dim();
         Self {
-            by: BlockMatrix::identity(n),
+            by,
             x: vec![0.0; layout.storage()],
             delta: vec![0.0; n],
             dual: vec![0.0; n],
@@ -312,7 +312,9 @@ pub struct Innovation {
     pub correction: Vec<f64>,
     /// HP, HPHᵀ, S, its factor and Kᵀ.
     pub work: Workspace,
-    /// A second linearisation: the Jacobian of the chart's retraction, a state, predictions.
+    /// The Jacobian of the chart's retraction at the correction.
+    pub(super) reset: BlockMatrix,
+    /// A second linearisation: a state, predictions.
     pub(super) trial: Trial,
     /// Sigma points, for rules that draw them.
     pub(super) points: SigmaPoints,
@@ -341,6 +343,7 @@ impl Innovation {
     #[must_use]
     pub fn new(layout: &Layout, form: &dyn Form, largest: Size) -> Self {
         let (n, m) = (layout.dim(), largest.residual.max(1));
+        let reset = BlockMatrix::identity(n);
         Self {
             rows: 0,
             predicted: vec![0.0; largest.value.max(1)],
@@ -350,7 +353,8 @@ impl Innovation {
             noise: vec![0.0; m * m],
             correction: vec![0.0; n],
             work: Workspace::new(form, n, m),
-            trial: Trial::new(layout, m, largest.value.max(1)),
+            trial: Trial::new(layout, reset.pattern(), m, largest.value.max(1)),
+            reset,
             points: SigmaPoints::default(),
             moved: vec![0.0; layout.storage()],
             rate: vec![0.0; n],

@@ -615,7 +615,7 @@ fn patterns_that_were_learnt_are_remembered() {
     let (mut bytes, mut twin) = (Vec::new(), new.clone());
     crate::memory::save(&mut f, &mut bytes);
     crate::memory::restore(&mut twin, &bytes).unwrap();
-    let patterns = |f: &Filter| [&f.transition.phi, &f.reset].map(|m| (0..5).map(|i| m.ranges(i).to_vec()).collect::<Vec<_>>());
+    let patterns = |f: &Filter| [&f.transition.phi, &f.work.reset].map(|m| (0..5).map(|i| m.ranges(i).to_vec()).collect::<Vec<_>>());
     let learnt = patterns(&f);
     assert_eq!(patterns(&twin), learnt);
     for (learnt, before) in learnt.iter().zip(patterns(&new)) {

@@ -28,12 +28,13 @@ impl UpdateRule for Unscented {
         let mut points = core::mem::take(&mut work.points);
         points.prepare(work.work.kernel, n, m, problem.layout.storage());
         points.take(problem.covariance, core::iter::empty());
+        work.reset.exchange(&mut work.trial.by);
         let mut drawn = || {
             problem.predict_at(problem.x, &mut work.trial.predicted[..value])?;
             for i in 0..n {
                 let is_there = points.point(i, reach);
                 for end in (0..2).filter(|_| is_there) {
-                    problem.move_to(&points.delta[..n], &mut points.x, &mut work.trial.by);
+                    problem.move_to(&points.delta[..n], &mut points.x, &mut work.reset);
                     problem.predict_at(&points.x, &mut work.trial.value[..value])?;
                     let out = &mut points.ends[end][..m];
                     model.residual(&work.trial.value[..value], &work.trial.predicted[..value], out);
@@ -44,6 +45,7 @@ impl UpdateRule for Unscented {
             Ok(())
         };
         let is_defined = drawn();
+        work.reset.exchange(&mut work.trial.by);
         if is_defined.is_ok() {
             add_offset(problem, work, &mut points, m);
             points.second_order(m, reach, &self.0);

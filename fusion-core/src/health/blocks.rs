@@ -53,8 +53,7 @@ impl Memory for Blocks {
 }
 
 impl Blocks {
-    pub(super) fn new(layout: &Layout) -> Self {
-        let layout = Arc::new(layout.clone());
+    pub(super) fn new(layout: Arc<Layout>) -> Self {
         Self {
             start: Time::MIN,
             initial: layout.initial().to_vec(),

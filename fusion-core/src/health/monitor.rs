@@ -11,6 +11,7 @@ use crate::memory::{Memory, Tape};
 use crate::state::Layout;
 use crate::stream::StreamId;
 use crate::time::Time;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 /// Beliefs are looked at no more often than this \[s\].
@@ -141,7 +142,7 @@ impl Monitor {
     #[must_use]
     pub fn new(
         limits: Limits,
-        layout: &Layout,
+        layout: &Arc<Layout>,
         sensors: impl IntoIterator<Item = Watched>,
         streams: impl IntoIterator<Item = StreamId>,
     ) -> Self {
@@ -156,7 +157,7 @@ impl Monitor {
             sensors,
             aid: Aid::new(layout),
             streams,
-            blocks: Blocks::new(layout),
+            blocks: Blocks::new(Arc::clone(layout)),
             phase: Phase::Waiting,
             rivals: 0.0,
             was_undecided: false,

@@ -12,6 +12,7 @@ use crate::gate::Mode;
 use crate::linear::Jacobian;
 use crate::runner::{Event, RowId};
 use crate::state::{Attitude, Declaration, Dynamics, Layout, LayoutBuilder, Manifold, Scalar, StateRole, Vector, Velocity};
+use alloc::sync::Arc;
 use nalgebra::{SVector, UnitQuaternion, Vector3};
 
 const POSITION: usize = 0;
@@ -67,7 +68,7 @@ fn at(t: f64) -> Time {
 
 /// A filter that is aligned at 0 s, and its inputs.
 struct Bench {
-    layout: Layout,
+    layout: Arc<Layout>,
     monitor: Monitor,
     belief: Belief,
     /// By sensor, if it is known.
@@ -91,6 +92,7 @@ impl Bench {
     }
 
     fn of(layout: Layout, limits: Limits) -> Self {
+        let layout = Arc::new(layout);
         let sensor = |rows, is_outside| Watched { rows, is_outside };
         let sensors = [sensor(3, true), sensor(3, true), sensor(2, false)];
         let monitor = Monitor::new(limits, &layout, sensors, [STREAM]);

@@ -118,6 +118,18 @@ impl BlockMatrix {
         m
     }
 
+    /// Its pattern, for a map that [takes turns](Self::exchange) with this one.
+    pub(crate) fn pattern(&self) -> Arc<Pattern> {
+        Arc::clone(&self.pattern)
+    }
+
+    /// Becomes the identity, with `pattern` in place of its own pattern: two maps that are never used together have one
+    /// memory.
+    pub(crate) fn exchange(&mut self, pattern: &mut Arc<Pattern>) {
+        self.reset();
+        core::mem::swap(&mut self.pattern, pattern);
+    }
+
     /// Dimension.
     #[must_use]
     pub const fn dim(&self) -> usize {

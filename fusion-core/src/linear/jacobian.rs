@@ -8,6 +8,7 @@ use core::ops::Range;
 use nalgebra::SMatrix;
 
 /// The Jacobian of a measurement (or of the process's signals), written in blocks.
+#[derive(Default)]
 pub struct Jacobian {
     rows: usize,
     ld: usize,
@@ -53,6 +54,15 @@ impl Jacobian {
             by_signal: vec![0.0; max_rows * signal_dim],
             columns: Vec::with_capacity(layout.blocks().len()),
             signals_used: false,
+        }
+    }
+
+    /// Room for that of the signals of `layout`, which depend on the state alone.
+    pub(crate) fn of_signals(layout: &Layout) -> Self {
+        Self {
+            signal_dim: 0,
+            by_signal: Vec::new(),
+            ..Self::new(layout, layout.signal_dim())
         }
     }
 

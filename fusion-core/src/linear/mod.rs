@@ -10,8 +10,9 @@ mod transition;
 
 pub use block_matrix::BlockMatrix;
 pub use jacobian::Jacobian;
-pub(crate) use transition::NoiseBlocks;
+pub(crate) use pattern::Pattern;
 pub use transition::Transition;
+pub(crate) use transition::{BEFORE, NoiseBlocks};
 
 /// Row length of a padded matrix of `n` columns: the next multiple of 8 doubles.
 #[must_use]

@@ -13,7 +13,7 @@ pub(super) struct Element {
 
 /// The elements that may differ from the identity, and how the kernels go through them.
 #[derive(Clone, Debug)]
-pub(super) struct Pattern {
+pub(crate) struct Pattern {
     /// Per row, the ranges of columns that may differ from the identity.
     rows: Vec<Vec<(u16, u16)>>,
     /// The same for the first 64 columns, a bit each: a block known already costs one test.
@@ -91,9 +91,11 @@ impl Pattern {
     fn list(&mut self) {
         let n = self.rows.len();
         self.active = (0..n as u16).filter(|&i| !self.rows[usize::from(i)].is_empty()).collect();
-        self.elements.clear();
-        self.ends.clear();
-        self.written.clear();
+        let ranges = || self.rows.iter().flatten();
+        // Lists as long as they have to be: a pattern is learnt once.
+        self.elements = Vec::with_capacity(ranges().map(|(start, end)| usize::from(end - start)).sum::<usize>() + self.active.len());
+        self.ends = Vec::with_capacity(self.active.len());
+        self.written = Vec::with_capacity(6 * ranges().count());
         for &i in &self.active {
             let ranges = &self.rows[usize::from(i)];
             let listed = ranges.iter().flat_map(|&(start, end)| start..end);

@@ -5,6 +5,9 @@ use crate::state::{Layout, Manifold, Slot, Tangent};
 use alloc::vec::Vec;
 use nalgebra::{SMatrix, SVector};
 
+/// Room for the axes with bounded noise: those of an attitude and of one more vector.
+const BOUNDED: usize = 6;
+
 /// Noise of an axis, at most `most` and what lifts its variance to `bound`: `value`, and `per` times the variances of the
 /// axes `of`.
 #[derive(Clone, Debug)]
@@ -37,9 +40,9 @@ impl Transition {
         let n = layout.dim();
         Self {
             phi: BlockMatrix::identity(n),
-            before: NoiseBlocks::with_room(n),
-            after: NoiseBlocks::with_room(n),
-            bounded: Vec::with_capacity(n),
+            before: NoiseBlocks::with_room(BEFORE * n),
+            after: NoiseBlocks::with_room(AFTER * n),
+            bounded: Vec::with_capacity(n.min(BOUNDED)),
         }
     }
 
@@ -166,6 +169,11 @@ impl Transition {
     }
 }
 
+/// Elements of noise for each axis, before Φ and after it: a block of three axes has nine. After Φ, the blocks' own
+/// dynamics and the growth of a rejected motion are added.
+pub(crate) const BEFORE: usize = 2;
+const AFTER: usize = 4;
+
 /// Noise as a list of elements of the symmetric Q.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NoiseBlocks {
@@ -173,10 +181,11 @@ pub(crate) struct NoiseBlocks {
 }
 
 impl NoiseBlocks {
-    /// Room for a full Q of dimension `n`: which of its elements are zero changes from step to step.
-    fn with_room(n: usize) -> Self {
+    /// Room for the elements that most processes write: which of them are zero changes from step to step. A process
+    /// with more of them takes more memory in its first step.
+    fn with_room(elements: usize) -> Self {
         Self {
-            entries: Vec::with_capacity(n * n),
+            entries: Vec::with_capacity(elements),
         }
     }
 

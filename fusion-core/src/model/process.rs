@@ -315,8 +315,19 @@ impl<'a> SignalsOut<'a> {
     }
 }
 
+/// Writes the signals of `process` at `x`, and their Jacobian.
+fn evaluate(values: &mut [f64], mut jacobian: Option<&mut Jacobian>, process: &dyn Process, x: &[f64], input: &Input<'_>) {
+    if values.is_empty() {
+        return;
+    }
+    if let Some(jacobian) = &mut jacobian {
+        jacobian.reset(jacobian.rows());
+    }
+    process.signals(x, input, &mut SignalsOut::new(values, jacobian));
+}
+
 /// Signals evaluated at one state: values and, on request, their Jacobian.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct SignalBuffer {
     pub(crate) values: Vec<f64>,
     pub(crate) jacobian: Jacobian,
@@ -332,23 +343,27 @@ impl SignalBuffer {
         }
         Self {
             values,
-            jacobian: Jacobian::new(layout, layout.signal_dim()),
+            jacobian: Jacobian::of_signals(layout),
+        }
+    }
+
+    /// The same without room for the Jacobian.
+    pub(crate) fn of_values(layout: &Layout) -> Self {
+        Self {
+            jacobian: Jacobian::default(),
+            ..Self::new(layout)
         }
     }
 
     /// Evaluates the signals of `process` at `x`.
     pub fn evaluate(&mut self, process: &dyn Process, x: &[f64], input: &Input<'_>, with_jacobian: bool) {
-        if self.values.is_empty() {
-            return;
-        }
-        let rows = self.jacobian.rows();
-        let jacobian = if with_jacobian {
-            self.jacobian.reset(rows);
-            Some(&mut self.jacobian)
-        } else {
-            None
-        };
-        process.signals(x, input, &mut SignalsOut::new(&mut self.values, jacobian));
+        let jacobian = with_jacobian.then_some(&mut self.jacobian);
+        evaluate(&mut self.values, jacobian, process, x, input);
+    }
+
+    /// The same, with the Jacobian in another place.
+    pub(crate) fn evaluate_into(&mut self, jacobian: &mut Jacobian, process: &dyn Process, x: &[f64], input: &Input<'_>) {
+        evaluate(&mut self.values, Some(jacobian), process, x, input);
     }
 
     /// J P Kᵀ, with J and K the derivatives of the three axes of `of` and of `with`. Each is given by its first axis,

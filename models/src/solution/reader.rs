@@ -39,7 +39,11 @@ impl SolutionReader {
             position,
             velocity,
             attitude,
-            signals: SignalBuffer::new(layout),
+            signals: if from_signals {
+                SignalBuffer::new(layout)
+            } else {
+                SignalBuffer::default()
+            },
             from_signals,
             solution: Solution::default(),
         }

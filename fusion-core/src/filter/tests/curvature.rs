@@ -104,12 +104,7 @@ fn sigma_points_and_every_form_take_an_unknown_heading() {
     for backend in [Backend::ERROR_STATE, Backend::IEKF, Backend::UKF] {
         for form in [FormKind::Joseph, FormKind::Udu, FormKind::SquareRoot] {
             let (f, planar) = heading_for([10.0, 1.0], UNKNOWN);
-            let f = Filter::new(
-                Arc::new(f.layout().clone()),
-                Arc::new(Still),
-                Backend { form, ..backend },
-                Size::same(1),
-            );
+            let f = Filter::new(Arc::clone(f.layout()), Arc::new(Still), Backend { form, ..backend }, Size::same(1));
             let mut f = after_a_gap(f);
             let mut before = UNKNOWN * UNKNOWN;
             for _ in 0..30 {

@@ -26,9 +26,12 @@ impl Memory for Order {
     }
 }
 
+/// Rows that wait at a time, unless they arrive late.
+const ROOM: usize = 16;
+
 impl Order {
     pub(crate) fn new() -> Self {
-        Self(VecDeque::with_capacity(64))
+        Self(VecDeque::with_capacity(ROOM))
     }
 
     pub(crate) fn put(&mut self, entry: Entry) {

@@ -9,6 +9,7 @@
 //! changed by the time the row is served, or the row came late from a stage. Then
 //! [`Lateness`](crate::filter::Lateness) corrects the rest to first order.
 
+mod calibration;
 mod realign;
 mod restart;
 mod schedule;

@@ -38,7 +38,7 @@ impl Memory for Scheduler {
         self.estimator.remember(tape);
         self.sensors.remember(tape);
         self.stages.remember(tape);
-        self.starter.remember(self.estimator.belief(), tape);
+        self.starter.remember(self.estimator.layout(), tape);
         self.waiting.remember(tape);
         self.epoch.remember(tape);
     }
@@ -54,7 +54,7 @@ impl Scheduler {
             sensors: Sensors::default(),
             stages: Stages::default(),
             starter: Starter::default(),
-            waiting: VecDeque::with_capacity(64),
+            waiting: VecDeque::with_capacity(16),
             epoch: None,
             keeps_steps: false,
             longest_silence: None,
@@ -83,7 +83,7 @@ impl Scheduler {
 
     /// A filter that has been lost for `seconds` starts anew.
     pub(crate) fn restart_lost(&mut self, seconds: f64) {
-        self.starter.restart_lost(seconds);
+        self.starter.restart_lost(seconds, self.estimator.layout());
     }
 
     /// The sensors, in order of their numbers.
@@ -165,7 +165,7 @@ impl Scheduler {
 
     /// Its memory of the health, apart from the rest: the monitor is detached while a row is processed.
     pub(crate) fn remember_health(&mut self, tape: &mut Tape<'_>) {
-        self.starter.remember_health(self.estimator.belief(), tape);
+        self.starter.remember_health(tape);
     }
 }
 
@@ -366,7 +366,7 @@ impl Scheduler {
 
     /// The filter stops, and its initialisers begin anew; the calibration is kept for them. No measurement waits.
     pub(crate) fn stop(&mut self) {
-        self.starter.stop(Some(self.estimator.belief().clone()));
+        self.starter.stop(self.estimator.layout(), self.estimator.belief());
         self.sensors.forget();
     }
 
@@ -385,7 +385,8 @@ impl Scheduler {
         if !self.starter.follows_health() {
             return None;
         }
-        self.starter.follow_health(observer.health()?, self.estimator.belief())
+        self.starter
+            .follow_health(observer.health()?, self.estimator.layout(), self.estimator.belief())
     }
 
     /// The filter stops. The calibration of its last good health is kept. No measurement waits.

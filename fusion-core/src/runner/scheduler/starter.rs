@@ -8,8 +8,9 @@
 //!    └───────────────────────────────────────────────────────────────────────────────┘
 //! ```
 
+use super::calibration::Calibration;
 use super::realign::{LOST, agree, is_same};
-use super::restart::{Restart, copy};
+use super::restart::Restart;
 use crate::belief::Belief;
 use crate::covariance::Form;
 use crate::health::State;
@@ -18,8 +19,8 @@ use crate::model::Input;
 use crate::runner::consumer::{Consumer, Refused};
 use crate::runner::rows::Stored;
 use crate::runner::{Discard, InitialiserUnit};
-use crate::state::{ALIGNED, Layout, StateRole};
-use crate::time::{Time, nanos};
+use crate::state::{ALIGNED, Layout};
+use crate::time::Time;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
@@ -54,8 +55,8 @@ pub(super) struct Starter {
     phase: Phase,
     /// When the filter started.
     start: Time,
-    /// The belief before the filter stopped.
-    last: Option<Belief>,
+    /// The calibration before the filter stopped.
+    last: Option<Calibration>,
     restart: Restart,
     /// Lent to the initialisers that look for the attitude.
     trial: Option<Belief>,
@@ -78,8 +79,8 @@ impl Default for Starter {
 }
 
 impl Starter {
-    /// Its memory, without that of the health; its beliefs have the size of `belief`.
-    pub(super) fn remember(&mut self, belief: &Belief, tape: &mut Tape<'_>) {
+    /// Its memory, without that of the health.
+    pub(super) fn remember(&mut self, layout: &Layout, tape: &mut Tape<'_>) {
         let (mut is_running, mut is_aligning) = (self.is_running(), self.phase == Phase::Aligning);
         is_running.remember(tape);
         is_aligning.remember(tape);
@@ -96,15 +97,15 @@ impl Starter {
         let mut is_some = self.last.is_some();
         is_some.remember(tape);
         if is_some {
-            self.last.get_or_insert_with(|| belief.clone()).remember(tape);
+            self.last.get_or_insert_with(|| Calibration::of(layout)).remember(tape);
         } else {
             self.last = None;
         }
     }
 
-    /// Its memory of the health; its beliefs have the size of `belief`.
-    pub(super) fn remember_health(&mut self, belief: &Belief, tape: &mut Tape<'_>) {
-        self.restart.remember(belief, tape);
+    /// Its memory of the health.
+    pub(super) fn remember_health(&mut self, tape: &mut Tape<'_>) {
+        self.restart.remember(tape);
     }
 
     /// Adds an initialiser; without any, the filter starts at its first row.
@@ -118,8 +119,8 @@ impl Starter {
     }
 
     /// A filter that has been lost for `seconds` gives up.
-    pub(super) fn restart_lost(&mut self, seconds: f64) {
-        self.restart.after = Some(nanos(seconds));
+    pub(super) fn restart_lost(&mut self, seconds: f64, layout: &Layout) {
+        self.restart.declare(seconds, layout);
     }
 
     pub(super) fn is_running(&self) -> bool {
@@ -165,7 +166,7 @@ impl Starter {
     pub(super) fn first_belief(&mut self, layout: &Layout, form: &Arc<dyn Form>, time: Time, latest: Option<&[f64]>) -> Option<Belief> {
         let mut belief = Belief::initial(layout, form, time);
         if let Some(last) = self.last.take() {
-            keep_calibration(layout, &last, &mut belief);
+            last.give(layout, &mut belief);
         }
         if let Some(latest) = latest {
             belief.input.take(&Input::held(latest));
@@ -183,16 +184,22 @@ impl Starter {
     }
 
     /// The filter stops, and its initialisers begin anew. The next start keeps the calibration of `last`.
-    pub(super) fn stop(&mut self, last: Option<Belief>) {
-        self.phase = Phase::Starting;
-        self.last = last;
-        self.begin_anew();
+    pub(super) fn stop(&mut self, layout: &Layout, last: &Belief) {
+        let mut calibration = Calibration::of(layout);
+        calibration.take(layout, last);
+        self.begin_again(Some(calibration));
     }
 
     /// The filter gives up. The next start keeps the calibration of the last good health.
     pub(super) fn give_up(&mut self) {
         let last = self.restart.take();
-        self.stop(last);
+        self.begin_again(last);
+    }
+
+    fn begin_again(&mut self, last: Option<Calibration>) {
+        self.phase = Phase::Starting;
+        self.last = last;
+        self.begin_anew();
     }
 
     /// The initialisers forget everything.
@@ -204,13 +211,13 @@ impl Starter {
 
     /// Whether a filter that runs may give up at all, so that its health has to be followed.
     pub(super) fn follows_health(&self) -> bool {
-        self.restart.after.is_some() && self.is_running()
+        self.restart.is_declared() && self.is_running()
     }
 
     /// Follows the health of a filter that runs. Returns since when it has been lost, if it is to give up.
-    pub(super) fn follow_health(&mut self, state: State, belief: &Belief) -> Option<Time> {
+    pub(super) fn follow_health(&mut self, state: State, layout: &Layout, belief: &Belief) -> Option<Time> {
         let can_start = !self.units.is_empty() && self.units.iter().all(|u| !u.inputs.is_empty());
-        self.restart.follow(state, belief).filter(|_| can_start)
+        self.restart.follow(state, layout, belief).filter(|_| can_start)
     }
 
     /// If the attitude of a running filter is not aligned any more, has the initialisers look for it.
@@ -225,7 +232,9 @@ impl Starter {
     /// Compares the attitude of the initialisers with that of `belief`. Once they have found it, they rest.
     pub(super) fn align(&mut self, layout: &Layout, belief: &Belief, time: Time) -> Alignment {
         let trial = self.trial.get_or_insert_with(|| belief.clone());
-        copy(belief, trial);
+        trial.time = belief.time;
+        trial.x.copy_from_slice(&belief.x);
+        trial.covariance.copy_from(&belief.covariance);
         let units = self.units.iter().filter(|u| !u.inputs.is_empty());
         let ready = units.filter(|u| u.initialiser.waits_for().is_none());
         ready.for_each(|u| u.initialiser.write(time, layout, trial));
@@ -241,15 +250,6 @@ impl Starter {
     /// The belief with the attitude that was found last.
     pub(super) const fn trial(&self) -> Option<&Belief> {
         self.trial.as_ref()
-    }
-}
-
-/// Writes the calibration of `last` to `belief`: a filter that starts again does not lose it.
-fn keep_calibration(layout: &Layout, last: &Belief, belief: &mut Belief) {
-    for block in layout.blocks().iter().filter(|b| b.role == StateRole::Calibration) {
-        let storage = block.storage_range();
-        belief.x[storage.clone()].copy_from_slice(&last.x[storage]);
-        belief.covariance.set_block(block, &last.covariance.block(block));
     }
 }
 
