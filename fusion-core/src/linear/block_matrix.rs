@@ -123,8 +123,7 @@ impl BlockMatrix {
         Arc::clone(&self.pattern)
     }
 
-    /// Becomes the identity, with `pattern` in place of its own pattern: two maps that are never used together have one
-    /// memory.
+    /// Becomes the identity, and exchanges its pattern: two maps that are never used together have one memory.
     pub(crate) fn exchange(&mut self, pattern: &mut Arc<Pattern>) {
         self.reset();
         core::mem::swap(&mut self.pattern, pattern);

@@ -52,7 +52,8 @@ impl Jacobian {
             signal_dim,
             h: vec![0.0; max_rows * ld],
             by_signal: vec![0.0; max_rows * signal_dim],
-            columns: Vec::with_capacity(layout.blocks().len()),
+            // Elements of blocks may be apart.
+            columns: Vec::with_capacity(layout.dim()),
             signals_used: false,
         }
     }

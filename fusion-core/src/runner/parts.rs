@@ -239,6 +239,12 @@ pub(super) struct Emitted {
 }
 
 impl Emitted {
+    /// Room for a row of `width` numbers.
+    pub(super) fn reserve(&mut self, width: usize) {
+        self.rows.reserve(1);
+        self.data.reserve(width);
+    }
+
     pub(super) const fn count(&self) -> u64 {
         self.rows.len() as u64
     }

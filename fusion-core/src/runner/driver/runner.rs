@@ -98,7 +98,8 @@ impl Runner {
 
     /// Adds a stage.
     pub fn add_stage(&mut self, stage: StageUnit) {
-        self.scheduler.add_stage(stage);
+        let width = self.queue.width(stage.output);
+        self.scheduler.add_stage(stage, width);
         self.connect();
     }
 

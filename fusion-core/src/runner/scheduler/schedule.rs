@@ -66,9 +66,9 @@ impl Scheduler {
         self.sensors.add(sensor);
     }
 
-    /// Adds a stage.
-    pub(crate) fn add_stage(&mut self, stage: StageUnit) {
-        self.stages.add(stage);
+    /// Adds a stage that emits rows of `width` numbers.
+    pub(crate) fn add_stage(&mut self, stage: StageUnit, width: usize) {
+        self.stages.add(stage, width);
     }
 
     /// Adds an initialiser.

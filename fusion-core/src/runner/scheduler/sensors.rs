@@ -75,6 +75,8 @@ impl Sensors {
         if self.noise.len() < m * m {
             self.noise.resize(m * m, 0.0);
         }
+        // The buffer is empty: room for the first measurement.
+        self.value.reserve(sensor.port.columns.len().max(sensor.constant.len()));
         self.units.push(sensor);
         self.outcomes.push(None);
         self.settings.push(Setting::default());

@@ -46,8 +46,12 @@ impl Memory for Stages {
 }
 
 impl Stages {
-    /// Adds a stage.
-    pub(super) fn add(&mut self, stage: StageUnit) {
+    /// Adds a stage that emits rows of `width` numbers.
+    pub(super) fn add(&mut self, stage: StageUnit, width: usize) {
+        // The buffers are empty: room for the first rows.
+        let widest = stage.inputs.iter().map(|port| port.columns.len()).max();
+        self.value.reserve(widest.unwrap_or_default());
+        self.emitted.reserve(width);
         self.units.push(stage);
         self.emissions.push(0);
     }

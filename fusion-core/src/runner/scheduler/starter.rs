@@ -111,6 +111,9 @@ impl Starter {
     /// Adds an initialiser; without any, the filter starts at its first row.
     pub(super) fn add(&mut self, mut unit: InitialiserUnit) {
         save(&mut unit.initialiser, &mut self.pristine);
+        // The buffer is empty: room for the first row.
+        let widest = unit.inputs.iter().map(|port| port.columns.len()).max();
+        self.value.reserve(widest.unwrap_or_default());
         self.units.push(unit);
     }
 
