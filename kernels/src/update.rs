@@ -75,11 +75,15 @@ fn some_tiles<L: Lanes, const G: usize, const W: usize>(
     }
 }
 
+/// Whether addresses have 32 bits, as on a microcontroller: there, most of the separate code for each number of rows
+/// takes flash and saves no time.
+const IS_SMALL: bool = cfg!(target_pointer_width = "32");
+
 /// Calls a function with the number of rows as a constant for the usual numbers, so that its loops are unrolled; 0
 /// means any other number.
 macro_rules! by_rows {
     ($m:expr, $function:ident::<$lanes:ty>($($arg:expr),*)) => {
-        match $m {
+        match if IS_SMALL { 0 } else { $m } {
             1 => $function::<$lanes, 1>($($arg),*),
             2 => $function::<$lanes, 2>($($arg),*),
             3 => $function::<$lanes, 3>($($arg),*),
@@ -102,7 +106,7 @@ pub(crate) fn inner<L: Lanes>(m: usize, h: &[f64], x: &[f64], out: &mut [f64], l
         1 => eight::<L, 0, 1>(m, h, x, out, tiles),
         2 => eight::<L, 0, 3>(m, h, x, out, tiles),
         3 => eight::<L, 0, 6>(m, h, x, out, tiles),
-        6 => {
+        6 if !IS_SMALL => {
             eight::<L, 0, 8>(m, h, x, out, tiles);
             eight::<L, 8, 8>(m, h, x, out, tiles);
             eight::<L, 16, 5>(m, h, x, out, tiles);

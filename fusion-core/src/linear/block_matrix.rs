@@ -177,7 +177,7 @@ impl BlockMatrix {
     }
 
     /// Sets the block whose first element is at (`row`, `col`) of the tangent space.
-    #[inline(always)]
+    #[cfg_attr(not(target_pointer_width = "32"), inline(always))]
     pub(crate) fn set_at<const R: usize, const C: usize>(&mut self, row: usize, col: usize, block: &SMatrix<f64, R, C>) {
         self.announce(Written::new(row, col, R, C));
         self.data.put(col * self.ld + row, self.ld, &block.data.0);

@@ -157,7 +157,7 @@ impl Inertial {
     }
 
     /// Writes Φ of the biases and scales, from the responses to an error of force and of rate.
-    #[inline(always)]
+    #[cfg_attr(not(target_pointer_width = "32"), inline(always))]
     pub(super) fn write_transition<P: Tangent<3>>(
         &self,
         (w, f): &(Corrected, Corrected),

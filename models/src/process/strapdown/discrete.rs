@@ -146,7 +146,7 @@ impl<P: Tangent<3>> Slots<P> {
 
     /// Writes the response of the three blocks to an error of the state `of`. `effect` is its effect, per axis, on the
     /// force or rate to which `column` is the response.
-    #[inline(always)]
+    #[cfg_attr(not(target_pointer_width = "32"), inline(always))]
     pub(crate) fn write_column<B: Tangent<3>>(&self, of: Slot<B>, [r, v, a]: &[Option<M>; 3], effect: &V, out: &mut Transition) {
         if let Some(block) = r {
             out.set(self.position, of, &times_diagonal(block, effect));
