@@ -3,3 +3,4 @@
 mod cli;
 
 pub use cli::main;
+pub use fusion_compile::Meter;

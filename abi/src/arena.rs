@@ -5,15 +5,17 @@ use core::cell::UnsafeCell;
 use core::ptr::{NonNull, null_mut};
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use linked_list_allocator::Heap;
+use linked_list_allocator::hole::HoleList;
 
 /// An allocator over one block of memory, for one thread. Before [`Arena::place`] it has none.
 ///
-/// The filter allocates while it is assembled and started, and for first measurements. An allocation from a second
-/// thread, or from an interrupt, during another one is refused.
+/// The filter allocates while it is assembled and started. An allocation from a second thread, or from an interrupt,
+/// during another one is refused.
 #[derive(Debug)]
 pub struct Arena {
     heap: UnsafeCell<Heap>,
     is_in_use: AtomicBool,
+    /// The end of the furthest block, from the start of the memory.
     most_used: AtomicUsize,
     allocations: AtomicUsize,
 }
@@ -54,7 +56,8 @@ impl Arena {
         });
     }
 
-    /// The most bytes that were in use at a time.
+    /// The bytes from the start of the memory to the end of the furthest block that there ever was: for the same calls,
+    /// this much memory is enough.
     #[must_use]
     pub fn most_used(&self) -> usize {
         self.most_used.load(Ordering::Relaxed)
@@ -64,6 +67,14 @@ impl Arena {
     #[must_use]
     pub fn allocations(&self) -> usize {
         self.allocations.load(Ordering::Relaxed)
+    }
+
+    /// Counts from zero again. Returns false if there still are blocks.
+    #[cfg(feature = "meter")]
+    pub(crate) fn start_over(&self) -> bool {
+        self.most_used.store(0, Ordering::Relaxed);
+        self.allocations.store(0, Ordering::Relaxed);
+        self.with(|heap| heap.used() == 0) == Some(true)
     }
 
     /// Calls `work` with the heap, unless it is in use.
@@ -78,15 +89,21 @@ impl Arena {
     }
 }
 
+/// The bytes that a block takes of the memory.
+fn taken(layout: Layout) -> usize {
+    HoleList::align_layout(layout).map_or(layout.size(), |layout| layout.size())
+}
+
 // SAFETY: the heap gives blocks of the layout that nothing else has, and keeps them until they are freed.
 #[expect(unsafe_code, reason = "the boundary to C")]
 unsafe impl GlobalAlloc for Arena {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let block = self.with(|heap| {
-            let block = heap.allocate_first_fit(layout).ok();
-            self.most_used.fetch_max(heap.used(), Ordering::Relaxed);
+            let block = heap.allocate_first_fit(layout).ok()?;
+            let end = block.as_ptr() as usize + taken(layout) - heap.bottom() as usize;
+            self.most_used.fetch_max(end, Ordering::Relaxed);
             self.allocations.fetch_add(1, Ordering::Relaxed);
-            block
+            Some(block)
         });
         block.flatten().map_or(null_mut(), NonNull::as_ptr)
     }

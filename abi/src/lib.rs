@@ -9,11 +9,15 @@
 
 mod arena;
 mod filter;
+#[cfg(feature = "meter")]
+mod meter;
 mod state;
 
 pub use arena::Arena;
 pub use filter::Filter;
 pub use fusion_vehicle;
+#[cfg(feature = "meter")]
+pub use meter::{Measurement, Meter};
 pub use state::{State, Status};
 
 /// Writes the functions of `fusion.h`, which `abi/src/filter.rs` explains. `assemble` makes the filter; `design` is the

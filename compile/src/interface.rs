@@ -1,5 +1,6 @@
 //! The interface to C: the functions of the library, its header, and two programs that replay rows.
 
+use crate::memory::Needs;
 use crate::program::channels;
 use fusion::assembly::{Plan, StreamLayout};
 use fusion::design::Design;
@@ -11,7 +12,13 @@ const IN_C: &str = include_str!("replay.c.txt");
 const IN_CPP: &str = include_str!("replay.cpp.txt");
 
 /// The files of the interface.
-pub(crate) fn files(design: &Design, plan: &Plan, name: &str, provenance: &Provenance) -> Vec<(&'static str, String)> {
+pub(crate) fn files(
+    design: &Design,
+    plan: &Plan,
+    name: &str,
+    provenance: &Provenance,
+    needs: Option<Needs>,
+) -> Vec<(&'static str, String)> {
     let feeds = feeds(plan);
     let exported: String = feeds
         .iter()
@@ -40,6 +47,7 @@ pub(crate) fn files(design: &Design, plan: &Plan, name: &str, provenance: &Prove
     let line = design.run.description.lines().next().unwrap_or_default().replace("*/", "* /");
     let header = HEADER
         .replace("@FEEDS@", &declared)
+        .replace("@MEMORY@", &memory(needs))
         .replace("@DESCRIPTION@", &line)
         .replace("@VERSION@", &provenance.version)
         .replace("@FILE@", &provenance.design.replace("*/", "* /"))
@@ -58,6 +66,20 @@ pub(crate) fn files(design: &Design, plan: &Plan, name: &str, provenance: &Prove
         ("examples/replay.c", example(IN_C)),
         ("examples/replay.cpp", example(IN_CPP)),
     ]
+}
+
+/// The sizes of the memory, as they are defined in C.
+fn memory(needs: Option<Needs>) -> String {
+    let Some(Needs { feed, all }) = needs else {
+        return "/* The bytes of memory that the filter needs were not measured: `fusion compile --rows` does it. */".to_owned();
+    };
+    format!(
+        "/* The bytes of memory that the filter needs for the rows of `rows.bin`, measured with 64 bits; a processor with 32\n\
+         \x20* bits needs less. More rows at a time, as of a faster sensor or of a longer delay, need more: leave a reserve.\n\
+         \x20* FUSION_MEMORY_ALL is for programs that call fusion_predict, fusion_checkpoint or fusion_restore. */\n\
+         #define FUSION_MEMORY {feed}\n\
+         #define FUSION_MEMORY_ALL {all}"
+    )
 }
 
 /// The function that feeds one stream.

@@ -14,8 +14,11 @@
 
 mod assemble;
 mod interface;
+mod memory;
 mod program;
 mod record;
 
+pub use fusion_abi::Meter;
+pub use memory::{Needs, measure};
 pub use program::{Program, Target, compile};
 pub use record::record;

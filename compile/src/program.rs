@@ -2,6 +2,7 @@
 
 use crate::assemble::{Unwritten, body};
 use crate::interface;
+use crate::memory::Needs;
 use fusion::assembly::{Plan, StreamLayout, declared_streams, plan};
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::design::{Design, OrderSpec};
@@ -50,10 +51,11 @@ impl Program {
 }
 
 /// Compiles a design. `crates` is the folder with the crates of this framework, for the dependency on `fusion-vehicle`.
+/// The program states its memory if it was [measured](crate::measure).
 ///
 /// # Errors
 /// The mistakes of the design; each part of it that no program can be written for, with its place.
-pub fn compile(design: &Design, name: &str, crates: &Path, target: Target) -> Result<Program, Diagnostics> {
+pub fn compile(design: &Design, name: &str, crates: &Path, target: Target, needs: Option<Needs>) -> Result<Program, Diagnostics> {
     let plan = plan(design, declared_streams(design)?)?;
     refuse(design, &plan)?;
     let body = body(&plan).map_err(|Unwritten { what, table, help }| {
@@ -100,6 +102,7 @@ pub fn compile(design: &Design, name: &str, crates: &Path, target: Target) -> Re
          {rows}\
          pub const STREAMS: [(&str, usize); {count}] = [{streams}];\n\
          \n\
+         {memory}\
          /// The possible numbers of the channels, for each stream.\n\
          const BOUNDS: [&[Bounds]; {count}] = [\n\
          {bounds}\
@@ -122,13 +125,14 @@ pub fn compile(design: &Design, name: &str, crates: &Path, target: Target) -> Re
             ""
         },
         count = streams.len(),
+        memory = needs.map(memory).unwrap_or_default(),
         bounds = plan.streams.iter().map(bounds).collect::<String>(),
         streams = streams.join(", "),
     );
     let mut files = vec![("Cargo.toml", manifest(name, crates, target)), ("src/lib.rs", library)];
     match target {
         Target::Rust => files.push(("examples/replay.rs", REPLAY.replace("FILTER", &name.replace('-', "_")))),
-        Target::C => files.extend(interface::files(design, &plan, name, &provenance)),
+        Target::C => files.extend(interface::files(design, &plan, name, &provenance, needs)),
     }
     Ok(Program {
         name: name.to_owned(),
@@ -190,6 +194,19 @@ fn manifest(name: &str, crates: &Path, target: Target) -> String {
          libm = [\"{of}/libm\"]\n\
          # Mathematics of the standard library, as `fusion run` without its feature `libm`.\n\
          std = [\"{of}/std\"]\n",
+    )
+}
+
+/// The constants of the memory.
+fn memory(Needs { feed, all }: Needs) -> String {
+    format!(
+        "/// The bytes of memory that the filter needs to be assembled and fed with the rows of `rows.bin`, in an arena of\n\
+         /// `fusion-abi`. Measured with 64 bits; a processor with 32 bits needs less.\n\
+         pub const MEMORY: usize = {feed};\n\
+         \n\
+         /// The same, and to predict, to write a checkpoint and to continue from one.\n\
+         pub const MEMORY_ALL: usize = {all};\n\
+         \n"
     )
 }
 

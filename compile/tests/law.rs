@@ -10,7 +10,7 @@ use fusion::models::solution::{Solution, sigmas};
 use fusion::run::Options;
 use fusion::run::examine::build;
 use fusion::{Navigator, Selection};
-use fusion_compile::{Target, compile, record};
+use fusion_compile::{Meter, Needs, Target, compile, measure, record};
 use fusion_core::Time;
 use fusion_core::checkpoint::Fnv;
 use fusion_core::covariance::Kernel;
@@ -19,6 +19,9 @@ use fusion_vehicle::Digest;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+
+#[global_allocator]
+static METER: Meter = Meter;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 const CONFIGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../configs");
@@ -34,9 +37,15 @@ const DESIGNS: [&str; 5] = [
 
 /// The design with the kernel `portable`.
 fn portable(design: &Path) -> Result<Design, Diagnostics> {
+    portable_with(design, &[])
+}
+
+/// The same with other values.
+fn portable_with(design: &Path, set: &[&str]) -> Result<Design, Diagnostics> {
     // A run that draws its start has another start than the design declares.
+    let set = ["simulation.draw_start=false"].iter().chain(set);
     let selection = Selection {
-        set: vec!["simulation.draw_start=false".to_owned()],
+        set: set.map(|&value| value.to_owned()).collect(),
         ..Selection::default()
     };
     let mut design = build(selection.load(design)?.document)?;
@@ -45,9 +54,9 @@ fn portable(design: &Path) -> Result<Design, Diagnostics> {
 }
 
 /// Writes the program of a design to a folder.
-fn written(design: &Design, folder: &Path, target: Target) -> Result<(), Diagnostics> {
+fn written(design: &Design, folder: &Path, target: Target, needs: Option<Needs>) -> Result<(), Diagnostics> {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
-    let program = compile(design, &name, &Path::new(ROOT).canonicalize().unwrap(), target)?;
+    let program = compile(design, &name, &Path::new(ROOT).canonicalize().unwrap(), target, needs)?;
     program.write(folder).unwrap();
     Ok(())
 }
@@ -88,7 +97,7 @@ fn folder(design: &str) -> PathBuf {
 /// Compares a compiled design with its run.
 fn holds(design: &Path, folder: &Path) {
     let made = portable(design).and_then(|portable| {
-        written(&portable, folder, Target::Rust)?;
+        written(&portable, folder, Target::Rust, None)?;
         recorded(&portable)
     });
     let (rows, digest) = made.unwrap_or_else(|d| panic!("{}: {d}", design.display()));
@@ -160,10 +169,12 @@ fn in_c(compiler: &str, source: &str, folder: &Path, arguments: &[&str], rows: &
 fn compiled_designs_have_their_solutions_in_c() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("compiled/in-c");
     let design = portable(&Path::new(CONFIGS).join("ins-gps.toml")).unwrap();
-    written(&design, &folder, Target::C).unwrap();
+    let (record, _) = recorded(&design).unwrap();
+    // The programs have exactly the memory that was measured: with less, they end.
+    let needs = measure(&design, &mut record.as_slice()).unwrap().unwrap();
+    written(&design, &folder, Target::C, Some(needs)).unwrap();
     assert!(cargo("build", &folder).status().unwrap().success());
 
-    let (record, _) = recorded(&design).unwrap();
     let mut navigator = Navigator::of(&design).unwrap();
     let widths: Vec<usize> = navigator.streams().iter().map(StreamLayout::width).collect();
     let rows = rows(&record, &widths);
@@ -233,6 +244,20 @@ fn every_shipped_design_that_can_be_compiled_has_the_estimates_of_its_run() {
     }
 }
 
+/// Rows that are held back are in the memory of the filter: 100 samples of 6 numbers in a second, of 8 bytes each.
+#[test]
+fn a_filter_that_holds_rows_back_needs_memory_for_them() {
+    let needs = |reorder: &str| {
+        let set = [reorder, "simulation.longest=20"];
+        let design = portable_with(&Path::new(CONFIGS).join("ins-gps.toml"), &set).unwrap();
+        measure(&design, &mut recorded(&design).unwrap().0.as_slice()).unwrap().unwrap()
+    };
+    let (at_once, later) = (needs("run.reorder=0"), needs("run.reorder='1 s'"));
+    assert!(later.feed > at_once.feed + 100 * 6 * 8, "{at_once:?} {later:?}");
+    // A checkpoint is written next to the filter.
+    assert!(at_once.all > at_once.feed + 15 * 16 * 8, "{at_once:?}");
+}
+
 /// A part that cannot be compiled is refused, with its place and a remedy.
 #[test]
 fn a_bank_and_rewinding_are_refused_at_their_places() {
@@ -242,7 +267,9 @@ fn a_bank_and_rewinding_are_refused_at_their_places() {
             ..Selection::default()
         };
         let design = build(selection.load(Path::new(CONFIGS).join(design)).unwrap().document).unwrap();
-        compile(&design, "refused", Path::new(ROOT), Target::Rust).unwrap_err().to_string()
+        compile(&design, "refused", Path::new(ROOT), Target::Rust, None)
+            .unwrap_err()
+            .to_string()
     };
     let bank = refused("after-outage.toml", &[]);
     assert!(bank.contains("a bank of hypotheses cannot be compiled"), "{bank}");
@@ -277,7 +304,7 @@ attitude = [0, 0, 0]
 attitude_sigma = 1
 ";
     let (document, _) = Document::parse("nested.toml", text);
-    let refused = compile(&build(document).unwrap(), "nested", Path::new(ROOT), Target::Rust)
+    let refused = compile(&build(document).unwrap(), "nested", Path::new(ROOT), Target::Rust, None)
         .unwrap_err()
         .to_string();
     assert!(refused.contains("the model of `stage.inner` cannot be compiled"), "{refused}");
@@ -292,7 +319,7 @@ fn a_description_of_several_lines_is_no_code() {
         ..Selection::default()
     };
     let document = selection.load(Path::new(CONFIGS).join("ins-gps.toml")).unwrap().document;
-    let program = compile(&build(document).unwrap(), "lines", Path::new(ROOT), Target::Rust).unwrap();
+    let program = compile(&build(document).unwrap(), "lines", Path::new(ROOT), Target::Rust, None).unwrap();
     let (_, library) = program.files.iter().find(|(path, _)| *path == "src/lib.rs").unwrap();
     assert!(library.starts_with("//! one\n//! mod two;\n"), "{library}");
 }

@@ -131,7 +131,7 @@ def measure(board: str, profile: dict[str, str] | None = None, folder: Path = HE
     sizes = re.findall(r"^(\S+) +(\d+) ", run(str(tools / "llvm-size"), "-A", str(program)), re.M)
     size = {name: int(bytes) for name, bytes in sizes}
     facts["flash"] = [str(sum(size.get(name, 0) for name in (".vector_table", ".text", ".rodata", ".data")))]
-    # Without the block of the heap, which is as large as the largest design needs.
+    # Without the block of the heap, which has a reserve.
     room = int(facts["heap"][0].split()[2]) if "heap" in facts else 0
     facts["static"] = [str(size.get(".data", 0) + size.get(".bss", 0) - room)]
     assembly = run(str(tools / "llvm-objdump"), "-d", "--demangle", "--no-show-raw-insn", str(program))

@@ -6,10 +6,10 @@ use clap::{Args, ValueEnum};
 use fusion::config::Diagnostic;
 use fusion::core::covariance::Kernel;
 use fusion::provenance::Provenance;
-use fusion_compile::{Target, compile as compiled, record};
+use fusion_compile::{Needs, Target, compile as compiled, measure, record};
 use fusion_tables::{Page, Section, Table};
 use std::fs::{self, File};
-use std::io::BufWriter;
+use std::io::{BufReader, BufWriter};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -24,7 +24,8 @@ pub(super) struct CompileArgs {
     #[arg(long, value_name = "DIR")]
     crates: Option<PathBuf>,
     /// Also runs the design with the kernel `portable`, and writes the rows that reach its filter to `rows.bin`. The
-    /// program `replay` of the crate reads them, and prints the hash of the same estimates.
+    /// program `replay` of the crate reads them, and prints the hash of the same estimates. The crate then states the
+    /// memory that the filter needs for these rows.
     #[arg(long)]
     rows: bool,
     /// The use of the crate: a program in Rust, or a library and a header for C and C++.
@@ -53,11 +54,11 @@ pub(super) fn compile(args: &CompileArgs) -> Result<(), Failure> {
         Language::Rust => Target::Rust,
         Language::C => Target::C,
     };
-    let program = compiled(&design, &name(&args.out), &crates, target)?;
+    let compile = |needs: Option<Needs>| compiled(&design, &name(&args.out), &crates, target, needs);
+    let mut program = compile(None)?;
     let unwritable = |e: std::io::Error| Diagnostic::error(format!("`{}` cannot be written: {e}", args.out.display()));
-    program.write(&args.out).map_err(unwritable)?;
-    let mut files: Vec<PathBuf> = program.files.iter().map(|(path, _)| args.out.join(path)).collect();
-    let mut sections = Vec::new();
+    fs::create_dir_all(&args.out).map_err(unwritable)?;
+    let (mut files, mut sections, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     if args.rows {
         let path = args.out.join("rows.bin");
         let mut out = File::create(&path).map(BufWriter::new).map_err(unwritable)?;
@@ -69,15 +70,36 @@ pub(super) fn compile(args: &CompileArgs) -> Result<(), Failure> {
         let mut list = Table::list();
         list.row([format!("{} {:016x}, with `{mathematics}`", digest.count, digest.hash())]);
         sections.push(Section::new("Number and hash of the estimates of these rows", [list]));
+        let mut rows = File::open(&path).map(BufReader::new).map_err(unwritable)?;
+        match measure(&design, &mut rows)? {
+            Some(needs) => {
+                sections.push(memory(needs));
+                program = compile(Some(needs))?;
+            }
+            None => warnings.push(UNMEASURED.to_owned()),
+        }
         files.push(path);
     }
+    program.write(&args.out).map_err(unwritable)?;
+    files.splice(0..0, program.files.iter().map(|(path, _)| args.out.join(path)));
     sections.push(written(files));
     args.output.print(&Page {
         title: design.run.description.clone(),
         provenance: Provenance::of(&design, None),
-        warnings: Vec::new(),
+        warnings,
         sections,
     })
+}
+
+const UNMEASURED: &str =
+    "the crate does not state its memory, because this program does not measure it: make `fusion_cli::Meter` its `#[global_allocator]`";
+
+/// The memory of the compiled filter.
+fn memory(Needs { feed, all }: Needs) -> Section {
+    let mut list = Table::list();
+    list.row([format!("{feed} bytes to be fed with these rows")]);
+    list.row([format!("{all} bytes also to predict and for checkpoints")]);
+    Section::new("Memory of the filter, at most", [list])
 }
 
 /// The name of the crate: that of its folder, of letters, digits and hyphens.

@@ -16,7 +16,7 @@ const CRATES: [(&str, &str, &[&str]); 16] = [
     (
         "compile",
         "fusion-compile",
-        &["fusion", "fusion-core", "fusion-models", "fusion-vehicle"],
+        &["fusion", "fusion-abi", "fusion-core", "fusion-models", "fusion-vehicle"],
     ),
     ("tables", "fusion-tables", &["fusion", "fusion-core"]),
     (

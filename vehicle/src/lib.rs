@@ -1,8 +1,7 @@
 //! The filter of a compiled design on its vehicle. `fusion compile` writes the program that assembles it.
 //!
 //! A [`Vehicle`] is a runner whose blocks were built by constructors, without parser, registry and text. It allocates
-//! while it is assembled, when it starts, and for the first measurement of a sensor. After that, rows are fed without
-//! allocation.
+//! while it is assembled and when it starts. After that, rows are fed without allocation.
 
 #![no_std]
 #![forbid(unsafe_code)]

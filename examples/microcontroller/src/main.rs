@@ -24,8 +24,8 @@ use stack::Painted;
 #[global_allocator]
 static ARENA: Arena = Arena::new();
 
-/// Room for the largest design; it prints how much of it was used.
-const ROOM: usize = 1 << 20;
+/// As much as the compiler says: with less, the program ends.
+const ROOM: usize = filter::MEMORY;
 static mut MEMORY: MaybeUninit<[u8; ROOM]> = MaybeUninit::uninit();
 
 fn begin() -> ! {

@@ -59,8 +59,9 @@ impl Plan {
         Filter::new(self.layout.clone(), self.process.clone(), self.backend, self.largest)
     }
 
-    /// The runner that drives `estimator`.
-    pub(super) fn assembly(self, estimator: Box<dyn Estimator>) -> Assembly {
+    /// The runner that drives `estimator`, and what it consists of.
+    #[must_use]
+    pub fn assembly(self, estimator: Box<dyn Estimator>) -> Assembly {
         let mut runner = Runner::new(estimator, self.process.clone(), self.reorder);
         runner.set_limits(self.limits);
         for stream in &self.streams {

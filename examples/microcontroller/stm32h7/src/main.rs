@@ -27,8 +27,7 @@ use stm32h7xx_hal::serial::{Rx, Tx};
 #[global_allocator]
 static ARENA: Arena = Arena::new();
 
-/// `fusion_memory_used` and the table of the book say how much a design needs.
-const ROOM: usize = 96 * 1024;
+const ROOM: usize = filter::MEMORY;
 static mut MEMORY: MaybeUninit<[u8; ROOM]> = MaybeUninit::uninit();
 
 /// The serial line.
