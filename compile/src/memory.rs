@@ -35,7 +35,7 @@ pub fn measure(design: &Design, rows: &mut dyn Read) -> Result<Option<Needs>, Di
     let plan = plan(design, declared_streams(design)?)?;
     let widths: Vec<usize> = plan.streams.iter().map(StreamLayout::width).collect();
     let mut vehicle = measurement.within(|| vehicle(plan));
-    // Of the plan, only the blocks are left: they are the part of the filter that is outside the arena.
+    // Only the blocks of the plan are left. They are the part of the filter that is outside the arena.
     let blocks = measurement.bytes().map_or(0, |(_, outside)| outside);
     let mut row = Vec::new();
     let mut last = Time::MIN;
