@@ -393,6 +393,12 @@ fn soak(name: &str, length: Duration, cut: Duration) {
     );
     let id = child.id();
     let first = accept(&listener);
+    // A datagram that is sent before the program listens is lost.
+    for port in [ports[0], ports[2], ports[3]] {
+        while UdpSocket::bind(("127.0.0.1", port)).is_ok() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
     let (begun, until) = (Instant::now(), Instant::now() + length);
     let udp = |port, rate, seed, row: fn(f64) -> String| std::thread::spawn(move || at_rest(port, rate, seed, until, begun, row));
     let senders = [
