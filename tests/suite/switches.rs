@@ -62,7 +62,7 @@ fn an_operator_switches_a_sensor_off_and_changes_its_noise() {
 fn a_run_counts_the_rows_of_a_sensor_that_was_switched_off() {
     let workspace = Workspace::new("switch");
     let csv: String = (0..40).map(|k| format!("{k},47,8,400\n")).collect();
-    workspace.write("fixes.csv", &format!("t,lat,lon,h\n{csv}"));
+    workspace.write("fixes.csv", format!("t,lat,lon,h\n{csv}"));
     workspace.write("mode.csv", "t,on,factor\n9.5,0,1\n19.5,1,2\n");
     let sources = r#"
 [source.gnss]
@@ -77,7 +77,7 @@ time.column = "t"
 channels.trusted = { columns = ["on"] }
 channels.doubt = { columns = ["factor"] }
 "#;
-    workspace.write("d.toml", &format!("{DESIGN}{sources}"));
+    workspace.write("d.toml", format!("{DESIGN}{sources}"));
     workspace.fusion(&["run", "d.toml", "--out", "out"]).success();
     let summary: serde_json::Value = serde_json::from_str(&workspace.read("out/summary.json")).unwrap();
     let counted = |number: usize| {

@@ -57,7 +57,8 @@ impl Sender for Port {
     }
 }
 
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(test)]
+#[cfg(target_os = "linux")]
 mod tests {
     use super::*;
     use serialport::TTYPort;
