@@ -314,14 +314,18 @@ fn an_edit_of_advice_is_proposed_if_the_half_that_it_has_not_seen_gains() {
     let data = data.display().to_string();
     let arguments = ["tune", &design, "--data", &data, "--structure"];
     let feet = ["--set", "source.imu.channels.specific_force.unit=\"ft/s^2\"", "--format", "json"];
-    let page = page(&w.fusion(&[&arguments[..], &feet].concat()).success());
-    let rows = page["sections"][0]["tables"][0]["rows"].as_array().unwrap();
-    let of = |rule: &str| &rows.iter().find(|row| row["cells"][0] == rule).unwrap()["cells"];
-    let unit = of("unit");
+    let of = |rule: &str, set: &[&str]| {
+        let page = page(&w.fusion(&[&arguments[..], set].concat()).success());
+        let rows = page["sections"][0]["tables"][0]["rows"].as_array().unwrap();
+        let row = rows.iter().find(|row| row["cells"][0] == rule);
+        row.unwrap_or_else(|| panic!("{rule} is not in {page}"))["cells"].clone()
+    };
+    let unit = of("unit", &feet);
     let (nats, sigma) = (unit[2].as_f64().unwrap(), unit[3].as_f64().unwrap());
     assert!(nats > sigma && sigma > 0.0 && unit[4] == "proposed", "{unit}");
-    // The columns of σ do not mend the innovations that the wrong unit makes large.
-    assert_eq!(of("nis-large")[4], "no gain on unseen rows");
+    // The columns of σ do not mend the innovations that a wrong lever arm makes large.
+    let arm = ["--set", "sensor.gnss_position.lever_arm=[3, 0, 0]", "--format", "json"];
+    assert_eq!(of("nis-large", &arm)[4], "no gain on unseen rows");
     // Its fixes have a slow error, of which the second half says that it is not that of the first half.
     let good = stdout(&w.fusion(&arguments).success());
     assert!(!good.contains("proposed"), "{good}");
