@@ -24,46 +24,99 @@ pub struct Needs {
 }
 
 /// Assembles the filter of a design, feeds it with the rows that [`record`](crate::record()) wrote, and measures the
-/// memory that it needs. `None` if this program has another allocator than [`fusion_abi::Meter`].
+/// memory that it needs. Another one continues from the checkpoint after half of the rows: its blocks have other lengths,
+/// and lie otherwise. `None` if this program has another allocator than [`fusion_abi::Meter`].
 ///
 /// # Errors
 /// The mistakes of the design; rows that cannot be read.
 pub fn measure(design: &Design, rows: &mut dyn Read) -> Result<Option<Needs>, Diagnostics> {
+    let mut bytes = Vec::new();
+    rows.read_to_end(&mut bytes).map_err(|e| unreadable(&e))?;
+    let whole = whole(design, &bytes)?;
+    Ok(whole.zip(continued(design, &bytes)?).map(|(whole, continued)| Needs {
+        all: whole.all.max(continued),
+        ..whole
+    }))
+}
+
+/// The memory of a filter that has all rows.
+fn whole(design: &Design, mut rows: &[u8]) -> Result<Option<Needs>, Diagnostics> {
     let Some(measurement) = Measurement::begin() else {
         return Ok(None);
     };
     let plan = plan(design, declared_streams(design)?)?;
-    let widths: Vec<usize> = plan.streams.iter().map(StreamLayout::width).collect();
+    let widths = widths(&plan);
     let mut vehicle = measurement.within(|| vehicle(plan));
     // Only the blocks of the plan are left. They are the part of the filter that is outside the arena.
     let blocks = measurement.bytes().map_or(0, |(_, outside)| outside);
-    let mut row = Vec::new();
-    let mut last = Time::MIN;
-    while let Some((stream, time)) =
-        next(rows, &widths, &mut row).map_err(|e| Diagnostic::error(format!("the rows cannot be read: {e}")))?
-    {
-        let fed = measurement.within(|| {
-            let fed = vehicle.feed(stream, time, &row, &mut |_: &Event<'_>| {});
-            vehicle.solution();
-            fed
-        });
-        fed.map_err(|e| Diagnostic::error(format!("a row is refused: {e}")))?;
+    let (mut row, mut last) = (Vec::new(), Time::MIN);
+    while let Some((stream, time)) = next(&mut rows, &widths, &mut row).map_err(|e| unreadable(&e))? {
+        measurement.within(|| feed(&mut vehicle, stream, time, &row))?;
         last = time;
     }
-    let feed = measurement.bytes();
+    let fed = measurement.bytes();
     measurement.within(|| _ = vehicle.predict(last));
     let checkpoint = measurement.within(|| vehicle.checkpoint());
     // The caller has its bytes.
     let bytes = checkpoint.clone();
     drop(checkpoint);
-    let restored = measurement.within(|| vehicle.restore(&bytes));
-    restored.map_err(|e| Diagnostic::error(format!("a checkpoint cannot be read again: {e}")))?;
+    measurement.within(|| restore(&mut vehicle, &bytes))?;
     let all = measurement.bytes();
-    let rounded = |(arena, _): (usize, usize)| (arena + blocks + SPARE).next_multiple_of(UNIT);
-    Ok(feed.zip(all).map(|(feed, all)| Needs {
-        feed: rounded(feed),
-        all: rounded(all),
+    Ok(fed.zip(all).map(|(fed, all)| Needs {
+        feed: rounded(fed.0 + blocks),
+        all: rounded(all.0 + blocks),
     }))
+}
+
+/// The memory of a filter that continues from the checkpoint after half of the rows, and then writes one.
+fn continued(design: &Design, mut rows: &[u8]) -> Result<Option<usize>, Diagnostics> {
+    let assembled = || Ok::<_, Diagnostics>(plan(design, declared_streams(design)?)?);
+    let before = assembled()?;
+    let widths = widths(&before);
+    let (mut row, mut first, half) = (Vec::new(), vehicle(before), rows.len() / 2);
+    while rows.len() > half
+        && let Some((stream, time)) = next(&mut rows, &widths, &mut row).map_err(|e| unreadable(&e))?
+    {
+        feed(&mut first, stream, time, &row)?;
+    }
+    let checkpoint = first.checkpoint();
+    drop(first);
+    let Some(measurement) = Measurement::begin() else {
+        return Ok(None);
+    };
+    let after = assembled()?;
+    let mut vehicle = measurement.within(|| vehicle(after));
+    let blocks = measurement.bytes().map_or(0, |(_, outside)| outside);
+    measurement.within(|| restore(&mut vehicle, &checkpoint))?;
+    while let Some((stream, time)) = next(&mut rows, &widths, &mut row).map_err(|e| unreadable(&e))? {
+        measurement.within(|| feed(&mut vehicle, stream, time, &row))?;
+    }
+    drop(measurement.within(|| vehicle.checkpoint()));
+    Ok(measurement.bytes().map(|(arena, _)| rounded(arena + blocks)))
+}
+
+fn unreadable(error: &io::Error) -> Diagnostic {
+    Diagnostic::error(format!("the rows cannot be read: {error}"))
+}
+
+fn widths(plan: &Plan) -> Vec<usize> {
+    plan.streams.iter().map(StreamLayout::width).collect()
+}
+
+fn rounded(bytes: usize) -> usize {
+    (bytes + SPARE).next_multiple_of(UNIT)
+}
+
+/// Feeds a row, and reads the solution.
+fn feed(vehicle: &mut Vehicle, stream: usize, time: Time, row: &[f64]) -> Result<(), Diagnostic> {
+    let fed = vehicle.feed(stream, time, row, &mut |_: &Event<'_>| {});
+    vehicle.solution();
+    fed.map_err(|e| Diagnostic::error(format!("a row is refused: {e}")))
+}
+
+fn restore(vehicle: &mut Vehicle, checkpoint: &[u8]) -> Result<(), Diagnostic> {
+    let restored = vehicle.restore(checkpoint);
+    restored.map_err(|e| Diagnostic::error(format!("a checkpoint cannot be read again: {e}")))
 }
 
 /// The filter as its compiled program assembles it.
@@ -74,7 +127,7 @@ fn vehicle(plan: Plan) -> Vehicle {
 }
 
 /// The next row: its stream and stamp; `None` at the end.
-fn next(rows: &mut dyn Read, widths: &[usize], row: &mut Vec<f64>) -> io::Result<Option<(usize, Time)>> {
+fn next(rows: &mut &[u8], widths: &[usize], row: &mut Vec<f64>) -> io::Result<Option<(usize, Time)>> {
     let (mut stream, mut time, mut number) = ([0; 4], [0; 8], [0; 8]);
     match rows.read_exact(&mut stream) {
         Err(e) if e.kind() == ErrorKind::UnexpectedEof => return Ok(None),
