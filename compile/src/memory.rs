@@ -70,7 +70,7 @@ fn whole(design: &Design, mut rows: &[u8]) -> Result<Option<Needs>, Diagnostics>
 
 /// The memory of a filter that continues from the checkpoint after half of the rows, and then writes one.
 fn continued(design: &Design, mut rows: &[u8]) -> Result<Option<usize>, Diagnostics> {
-    let assembled = || Ok::<_, Diagnostics>(plan(design, declared_streams(design)?)?);
+    let assembled = || plan(design, declared_streams(design)?);
     let before = assembled()?;
     let widths = widths(&before);
     let (mut row, mut first, half) = (Vec::new(), vehicle(before), rows.len() / 2);
