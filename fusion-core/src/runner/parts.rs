@@ -119,7 +119,8 @@ pub struct Switch {
     pub port: Port,
     /// Whether the first column is zero while the sensor is not used.
     pub has_use: bool,
-    /// Whether the last column is a factor on the 1σ of its noise. A factor that is not positive changes nothing.
+    /// Whether the last column is a factor on the 1σ of its noise. A factor that is not positive changes nothing, and is
+    /// reported as out of range.
     pub has_noise: bool,
 }
 

@@ -51,12 +51,12 @@ fn rewinding() -> Runner {
     settled
 }
 
-/// The seconds of the fixes that were used, each with its 1σ, and of those that were not.
-type Heard = (Vec<(i64, f64)>, Vec<i64>);
+/// The seconds of the fixes that were used, each with its 1σ, of those that were not, and of refused commands.
+type Heard = (Vec<(i64, f64)>, Vec<i64>, Vec<i64>);
 
 /// Feeds rows (stream, second, numbers) in this order; `ends` ends the log.
 fn fed(runner: &mut Runner, rows: &[(StreamId, i64, &[f64])], ends: bool) -> Heard {
-    let (mut used, mut off) = (Vec::new(), Vec::new());
+    let (mut used, mut off, mut refused) = (Vec::new(), Vec::new(), Vec::new());
     let whole = |time: &Time| time.nanos() / 1_000_000_000;
     let mut observer = |event: &Event<'_>| match event {
         Event::Updated { update, time, .. } => used.push((whole(time), update.noise[0].sqrt())),
@@ -66,6 +66,12 @@ fn fed(runner: &mut Runner, rows: &[(StreamId, i64, &[f64])], ends: bool) -> Hea
             why: Discard::SwitchedOff,
             ..
         } => off.push(whole(time)),
+        Event::Discarded {
+            input: 1,
+            time,
+            why: Discard::OutOfRange { column: 1 },
+            ..
+        } => refused.push(whole(time)),
         Event::Discarded { time, why, .. } => assert_eq!((*why, *time), (Discard::BeforeStart, second(0))),
         _ => {}
     };
@@ -75,7 +81,7 @@ fn fed(runner: &mut Runner, rows: &[(StreamId, i64, &[f64])], ends: bool) -> Hea
     if ends {
         runner.finish(&mut observer).unwrap();
     }
-    (used, off)
+    (used, off, refused)
 }
 
 const NAN: f64 = f64::NAN;
@@ -101,11 +107,11 @@ const ROWS: [(StreamId, i64, &[f64]); 15] = [
 
 #[test]
 fn a_command_holds_from_its_time_on_until_the_next_one() {
-    let (used, off) = fed(&mut rewinding(), &ROWS, true);
+    let (used, off, refused) = fed(&mut rewinding(), &ROWS, true);
     let three = |second| (second, 3.0 * SIGMA);
     let expected = [(1, SIGMA), three(4), three(5), three(6), three(7), three(8), three(9)];
     assert_eq!(used, expected);
-    assert_eq!(off, [2, 3]);
+    assert_eq!((off, refused), (vec![2, 3], vec![7, 8]));
 }
 
 #[test]
@@ -132,7 +138,7 @@ fn a_command_that_comes_too_late_holds_from_its_arrival_on() {
         (COMMANDS, 1, &[0.0, NAN]),
         (FIXES, 3, &[0.3]),
     ];
-    let (used, off) = fed(&mut runner(), &rows, true);
+    let (used, off, _) = fed(&mut runner(), &rows, true);
     assert_eq!(used, [(1, SIGMA), (2, SIGMA)]);
     assert_eq!(off, [3]);
 }
@@ -140,7 +146,7 @@ fn a_command_that_comes_too_late_holds_from_its_arrival_on() {
 #[test]
 fn a_command_is_part_of_the_memory() {
     let mut whole = runner();
-    let (used, off) = fed(&mut whole, &ROWS, true);
+    let expected = fed(&mut whole, &ROWS, true);
     for cut in 1..ROWS.len() {
         let (mut first, mut rest) = (runner(), runner());
         let (mut heard, mut bytes) = (fed(&mut first, &ROWS[..cut], false), Vec::new());
@@ -149,7 +155,8 @@ fn a_command_is_part_of_the_memory() {
         let then = fed(&mut rest, &ROWS[cut..], true);
         heard.0.extend(then.0);
         heard.1.extend(then.1);
-        assert_eq!(heard, (used.clone(), off.clone()), "cut before row {cut}");
+        heard.2.extend(then.2);
+        assert_eq!(heard, expected, "cut before row {cut}");
         assert_eq!(rest.belief().x, whole.belief().x);
     }
 }

@@ -9,7 +9,7 @@ use fusion_core::math;
 
 /// The factor from densities at rest to densities under vibration.
 const SHAKEN: f64 = 3.0;
-/// What motion changes in the bias of the gyros, 1σ \[deg/s\].
+/// Motion changes the bias of the gyros by this, 1σ \[deg/s\].
 const BIAS: f64 = 0.05;
 /// No unit is assumed better in motion \[m/s²/√Hz\], \[rad/s/√Hz\].
 const FLOOR: (f64, f64) = (8e-3, 2e-4);
@@ -211,7 +211,7 @@ impl Inspection {
                 let noise = if noise.is_finite() { noise } else { 0.0 };
                 (
                     math::hypot(BIAS, noise),
-                    "guessed: what motion changes, and the noise of the mean over that time",
+                    "guessed: motion changes the bias, and the mean over that time has noise",
                 )
             };
             draft.guess("gyro_bias_sigma", format!("{sigma:.2} deg/s"), why);

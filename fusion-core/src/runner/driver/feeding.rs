@@ -154,7 +154,7 @@ impl Runner {
                 let emission = self.scheduler.stage_row((unit, input), time, self.queue.row(row), observer)?;
                 self.take_emission(emission, observer)?;
             }
-            Consumer::Switch(sensor) => self.scheduler.switch(sensor, self.queue.row(row)),
+            Consumer::Switch(sensor) => self.scheduler.switch(sensor, time, self.queue.row(row), observer)?,
             Consumer::Aim(sensor) => {
                 if let Some((aimed, consumer)) = self.scheduler.aim(sensor, self.queue.row(row).stamp()) {
                     let time = aimed.max(time);

@@ -1,8 +1,8 @@
 //! Starting anew after the filter has been lost for long.
 //!
 //! A wrong belief with a small σ rejects the measurements that would correct it, and gates that re-acquire correct
-//! only the motion. So after a declared time the filter gives up. Its initialisers begin anew. The calibration is that
-//! of the last belief but one in good health; the calibrations of these beliefs are noted ten seconds apart.
+//! only the motion. So after a declared time the filter gives up. Its initialisers begin anew. It keeps an
+//! earlier calibration: in good health, calibrations are noted ten seconds apart, and the last but one is used.
 //!
 //! The filter does not give up if an initialiser reads no stream: the declared values hold for the
 //! beginning of a run, not later.

@@ -415,9 +415,17 @@ impl Scheduler {
         self.sensors.outcome(sensor)
     }
 
-    /// Sets a sensor by a row of its switch.
-    pub(crate) fn switch(&mut self, sensor: usize, row: &Stored) {
-        self.sensors.set(sensor, row.values());
+    /// Sets a sensor by a row of its switch that is valid at `time`.
+    pub(crate) fn switch(&mut self, sensor: usize, time: Time, row: &Stored, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let Some(why) = self.sensors.set(sensor, row.values()) else {
+            return Ok(());
+        };
+        let columns = self.sensors()[sensor]
+            .switch
+            .as_ref()
+            .map_or(&[][..], |switch| &switch.port.columns);
+        let (consumer, row) = (Consumer::Switch(sensor), row.id(columns));
+        self.tell_refused(&Refused { consumer, time, row, why }, observer)
     }
 
     /// The factor on the 1σ of a sensor's noise now; `None` while it is switched off.

@@ -110,11 +110,9 @@ impl Sensors {
         self.outcomes.fill(None);
     }
 
-    /// Sets a sensor by a row of its switch.
-    pub(super) fn set(&mut self, sensor: usize, row: &[f64]) {
-        let (Some(switch), setting) = (&self.units[sensor].switch, &mut self.settings[sensor]) else {
-            return;
-        };
+    /// Sets a sensor by a row of its switch. Returns why the row, or a part of it, is not used.
+    pub(super) fn set(&mut self, sensor: usize, row: &[f64]) -> Option<Discard> {
+        let (switch, setting) = (self.units[sensor].switch.as_ref()?, &mut self.settings[sensor]);
         let columns = &switch.port.columns;
         let read = |is_there: bool, column: Option<&usize>| {
             let number = row[*column.filter(|_| is_there)?];
@@ -123,9 +121,13 @@ impl Sensors {
         if let Some(used) = read(switch.has_use, columns.first()) {
             setting.is_used = used != 0.0;
         }
-        if let Some(noise) = read(switch.has_noise, columns.last()).filter(|factor| *factor > 0.0) {
-            setting.noise = noise;
+        let noise = read(switch.has_noise, columns.last())?;
+        if noise <= 0.0 {
+            let column = columns.len() - 1;
+            return Some(Discard::OutOfRange { column });
         }
+        setting.noise = noise;
+        None
     }
 
     /// The factor on the 1σ of a sensor's noise now; `None` while it is switched off.
@@ -161,9 +163,10 @@ impl Sensors {
         let m = s.model.size().residual;
         let noise = &mut self.noise[..m * m];
         s.noise.fill(row.values(), noise);
-        // Without a switch the factor is one, and changes no bit.
-        let factor = measurement.noise * measurement.noise;
-        noise.iter_mut().for_each(|covariance| *covariance *= factor);
+        if s.switch.is_some() {
+            let factor = measurement.noise * measurement.noise;
+            noise.iter_mut().for_each(|covariance| *covariance *= factor);
+        }
         let why = if measurement.time < now {
             Some(Discard::Late { now })
         } else {
