@@ -36,7 +36,7 @@ impl Of {
 }
 
 /// Raised whenever what is remembered, or how it is written, changes.
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// Bytes before the memory.
 pub const HEADER: usize = 36;
 

@@ -9,8 +9,9 @@ use fusion::rows::{RowStream, SourceError, SourceReport, Stamp};
 use fusion::run::open_one;
 use fusion::source::{ArrivingBytes, OpenContext};
 use std::io::{self, Read};
-use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Builder;
 
 /// A row as its source gives it.
@@ -35,6 +36,21 @@ enum Told {
     End,
 }
 
+/// The report of the current reader at its last row. It is written if it is needed.
+#[derive(Debug, Default)]
+struct Current {
+    is_needed: AtomicBool,
+    report: Mutex<SourceReport>,
+}
+
+impl Current {
+    fn set(&self, report: impl FnOnce() -> SourceReport) {
+        if self.is_needed.load(Ordering::Relaxed) {
+            *self.report.lock().unwrap_or_else(PoisonError::into_inner) = report();
+        }
+    }
+}
+
 /// A source that reads arriving bytes.
 #[derive(Debug)]
 pub(crate) struct Decoder {
@@ -42,10 +58,9 @@ pub(crate) struct Decoder {
     said: Receiver<Said>,
     /// The reader has read nothing.
     is_fresh: bool,
-    /// Rows so far.
-    pub(crate) rows: u64,
     /// The report of the readers that have ended.
     pub(crate) report: SourceReport,
+    current: Arc<Current>,
     /// Why a reader ended, if no row came after it.
     pub(crate) trouble: Option<String>,
     is_trouble_new: bool,
@@ -59,10 +74,12 @@ impl Decoder {
     pub(crate) fn start(design: Arc<Design>, source: usize, context: OpenContext) -> io::Result<Self> {
         let (tell, told) = channel();
         let (say, said) = channel();
+        let current = Arc::<Current>::default();
+        let of_reader = current.clone();
         let body = move || {
             let mut next = Some(told);
             while let Some(told) = next {
-                next = read(told, &say, &design.sources[source].block, &context);
+                next = read(told, (&say, &of_reader), &design.sources[source].block, &context);
             }
         };
         Builder::new().name("decoder".to_owned()).spawn(body)?;
@@ -70,13 +87,25 @@ impl Decoder {
             tell,
             said,
             is_fresh: true,
-            rows: 0,
             report: SourceReport::default(),
+            current,
             trouble: None,
             is_trouble_new: false,
         };
         decoder.listen(&mut |_| {});
         Ok(decoder)
+    }
+
+    /// From now on, [`report_so_far`](Self::report_so_far) has the rows of the current reader.
+    pub(crate) fn count(&self) {
+        self.current.is_needed.store(true, Ordering::Relaxed);
+    }
+
+    /// The report of all rows, up to the last one that was given.
+    pub(crate) fn report_so_far(&self) -> SourceReport {
+        let mut report = self.report.clone();
+        report.join(self.current.report.lock().unwrap_or_else(PoisonError::into_inner).clone());
+        report
     }
 
     /// Decodes bytes.
@@ -112,7 +141,6 @@ impl Decoder {
         while let Ok(said) = self.said.recv() {
             match said {
                 Said::Row(row) => {
-                    self.rows += 1;
                     self.trouble = None;
                     take(row);
                 }
@@ -132,7 +160,12 @@ impl Decoder {
 }
 
 /// Reads a source to the end of its bytes, and returns the channel for the next reader; `None` if the filter has gone.
-fn read(told: Receiver<Told>, say: &Sender<Said>, source: &SourceDesign, context: &OpenContext) -> Option<Receiver<Told>> {
+fn read(
+    told: Receiver<Told>,
+    (say, current): (&Sender<Said>, &Current),
+    source: &SourceDesign,
+    context: &OpenContext,
+) -> Option<Receiver<Told>> {
     let (back, returned) = channel();
     let pipe = Pipe {
         told: Some(told),
@@ -150,10 +183,11 @@ fn read(told: Receiver<Told>, say: &Sender<Said>, source: &SourceDesign, context
     let (report, error) = match open_one(source, &context) {
         Err(error) => (SourceReport::default(), Some(error)),
         Ok(mut rows) => {
-            let error = give(rows.as_mut(), say).err();
+            let error = give(rows.as_mut(), say, current).err();
             (rows.report(), error)
         }
     };
+    current.set(SourceReport::default);
     drop(context);
     say.send(Said::Ended(report, error)).ok()?;
     let (told, has_waited) = returned.recv().ok()?;
@@ -166,9 +200,10 @@ fn read(told: Receiver<Told>, say: &Sender<Said>, source: &SourceDesign, context
 }
 
 /// Gives the rows of a source, to its end.
-fn give(rows: &mut dyn RowStream, say: &Sender<Said>) -> Result<(), SourceError> {
+fn give(rows: &mut dyn RowStream, say: &Sender<Said>, current: &Current) -> Result<(), SourceError> {
     let mut values = Vec::new();
     while let Some(stamp) = rows.next(&mut values)? {
+        current.set(|| rows.report());
         let row = Decoded {
             stamp,
             values: values.clone(),

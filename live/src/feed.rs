@@ -17,7 +17,7 @@ use fusion::core::memory::{Memory, Tape};
 use fusion::core::runner::{Row, StreamId};
 use fusion::core::time::Time;
 use fusion::health::Names;
-use fusion::rows::{Aboard, Feed, SourceStatistics};
+use fusion::rows::{Aboard, Feed, SourceReport, SourceStatistics};
 use std::collections::VecDeque;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -47,6 +47,39 @@ pub(crate) struct Fed {
     pub(crate) number_before: u64,
     /// The number of its last row.
     pub(crate) last_number: u64,
+    pub(crate) tally: Tally,
+}
+
+/// The rows of a source, also those before a checkpoint.
+#[derive(Debug, Default)]
+pub(crate) struct Tally {
+    /// The rows that were delivered.
+    delivered: SourceReport,
+    /// At the checkpoint. The numbers of rows read and left out are used.
+    before: SourceReport,
+    /// After the reader was brought to that place again.
+    again: SourceReport,
+}
+
+impl Tally {
+    /// All rows, of which the reader reports these.
+    fn report(&self, mut read: SourceReport) -> SourceReport {
+        read.subtract(&self.again);
+        let mut report = SourceReport {
+            rows: self.before.rows,
+            skipped: self.before.skipped.clone(),
+            disturbed: self.before.disturbed.clone(),
+            ..SourceReport::default()
+        };
+        report.join(read);
+        SourceReport {
+            used: self.delivered.used,
+            first: self.delivered.first,
+            last: self.delivered.last,
+            longest_gap: self.delivered.longest_gap,
+            ..report
+        }
+    }
 }
 
 impl Fed {
@@ -54,7 +87,7 @@ impl Fed {
         let relation = self.placing.relation();
         SourceStatus {
             name: self.name.clone(),
-            rows: self.decoder.rows,
+            rows: self.tally.delivered.used,
             unplaced: self.placing.unplaced,
             relation: relation.map(|r| (r.now() as f64 * 1e-9, r.rate() * 1e6, r.mean_delay())),
             jumps: relation.map_or(0, Relation::jumps),
@@ -190,6 +223,7 @@ impl LiveFeed {
         if recording.recorder.is_some() || recording.ended_at.is_some() {
             return Ok(());
         }
+        self.sources.iter().for_each(|source| source.decoder.count());
         let (path, links, ahead) = (recording.path.clone(), recording.links.clone(), recording.ahead);
         let wrong = |error: io::Error| failed(&path, &error);
         let recorder = match at {
@@ -225,9 +259,11 @@ impl LiveFeed {
                     decoder,
                     lately,
                     number_before,
+                    tally,
                     ..
                 } = &mut self.sources[number];
                 if lately.feed(decoder, number_before) {
+                    tally.again = decoder.report_so_far();
                     continue;
                 }
                 decoder.end(&mut |_| {});
@@ -245,6 +281,7 @@ impl LiveFeed {
                         Entry::Event(_) | Entry::Session => decoder.end(&mut |_| {}),
                     }
                 }
+                tally.again = decoder.report_so_far();
             }
         }
         Ok(())
@@ -283,11 +320,13 @@ impl LiveFeed {
                 lately,
                 number_before,
                 last_number,
+                tally,
                 ..
             } = &mut self.sources[number];
             let mut ready = |mut row: Decoded| {
                 row.stamp.number += *number_before;
                 *last_number = row.stamp.number;
+                tally.delivered.deliver(row.stamp.time);
                 if keeps {
                     lately.row(&row);
                 }
@@ -470,7 +509,8 @@ impl Feed for LiveFeed {
     }
 
     fn statistics(&self) -> Vec<SourceStatistics> {
-        let one = |source: &Fed| SourceStatistics::new(&source.name, &source.decoder.report);
+        let report = |source: &Fed| source.tally.report(source.decoder.report.clone());
+        let one = |source: &Fed| SourceStatistics::new(&source.name, &report(source));
         self.sources.iter().map(one).collect()
     }
 }
@@ -495,6 +535,12 @@ impl Memory for LiveFeed {
             source.lately.remember(tape);
             source.number_before.remember(tape);
             source.last_number.remember(tape);
+            source.tally.delivered.remember(tape);
+            let mut so_far = source.tally.report(source.decoder.report_so_far());
+            so_far.remember(tape);
+            if tape.is_reading() {
+                source.tally.before = so_far;
+            }
         }
         if tape.is_reading() && tape.is_sound() {
             self.resumes_at = Some(at);

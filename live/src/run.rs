@@ -2,7 +2,7 @@
 
 use crate::arrival::ArrivalClock;
 use crate::decoder::Decoder;
-use crate::feed::{Due, Events, Fed, LiveFeed, Recording, Sending};
+use crate::feed::{Due, Events, Fed, LiveFeed, Recording, Sending, Tally};
 use crate::inbox::{Counts, Inbox, Open, Outlet};
 use crate::leaving::{Leaving, Mailbox};
 use crate::output::About;
@@ -171,6 +171,7 @@ impl Live {
                     placing: Placing::new(link.common.clock, link.common.drift.map(|drift| drift.si())),
                     lately: Default::default(),
                     number_before: 0,
+                    tally: Tally::default(),
                     last_number: 0,
                 });
             }

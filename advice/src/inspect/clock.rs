@@ -132,7 +132,10 @@ impl Clock {
     fn at(table: &LogTable, column: usize, words: &Words) -> Self {
         let values = &table.columns[column].values;
         let step = median(values.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 0.0));
-        let (unit, why) = unit(words, values, step);
+        let (unit, why) = match table.unit {
+            Some(unit) => (unit, format!("that of `{}` in the other files", table.columns[column].called())),
+            None => unit(words, values, step),
+        };
         let scale = factor(unit);
         Self {
             column,
@@ -518,6 +521,11 @@ pub(super) fn why_none(table: &LogTable) -> String {
 /// Selects in each table the column of time that all other tables use, if this table has a column of that name, too.
 pub(super) fn agree(tables: &mut [LogTable]) {
     use_recorder_for_several_starts(tables);
+    agree_on_columns(tables);
+    agree_on_units(tables);
+}
+
+fn agree_on_columns(tables: &mut [LogTable]) {
     let used = |table: &LogTable| {
         let clock = Clock::named(table)?;
         Some(table.columns[clock.column].called().to_lowercase())
@@ -543,6 +551,30 @@ pub(super) fn agree(tables: &mut [LogTable]) {
             tables[k].stamp = Some(column);
             names[k] = Some(common);
         }
+    }
+}
+
+/// Selects one unit for columns of time with one name, if the sizes of their numbers suggest several. A first number near
+/// zero tells no unit, and steps of 5 may be seconds of an acoustic fix or milliseconds of an inertial unit.
+fn agree_on_units(tables: &mut [LogTable]) {
+    /// Rows of instruments come at such rates \[Hz\].
+    const RATES: core::ops::RangeInclusive<f64> = 0.005..=10_000.0;
+    let guessed = |table: &LogTable| {
+        let clock = Clock::named(table).filter(|clock| clock.form == Form::Count && clock.origin == Origin::Unknown)?;
+        let column = table.columns[clock.column].called();
+        let is_guessed = table.format.clock.is_none() && unit_by_name(&stamp_words(column)).is_none();
+        is_guessed.then(|| (column.to_lowercase(), clock))
+    };
+    let clocks: Vec<Option<(String, Clock)>> = tables.iter().map(guessed).collect();
+    for (k, table) in tables.iter_mut().enumerate() {
+        let Some((name, own)) = &clocks[k] else { continue };
+        let others = || clocks.iter().flatten().filter(|(other, _)| other == name).map(|(_, clock)| clock);
+        let in_unit = |clock: &Clock, unit: &str| clock.rate * factor(clock.unit) / factor(unit);
+        let is_common = |unit: &&str| others().all(|clock| RATES.contains(&in_unit(clock, unit)));
+        // The file with the most rows decides between several units.
+        let common = others().filter(|clock| is_common(&clock.unit));
+        let unit = common.max_by_key(|clock| clock.stamps.len()).map(|clock| clock.unit);
+        table.unit = unit.filter(|unit| *unit != own.unit);
     }
 }
 
@@ -579,13 +611,15 @@ fn rising(table: &LogTable) -> Option<usize> {
     (0..table.columns.len()).find(rises)
 }
 
+/// The unit of stamps in their name, which may be a unit alone.
+fn unit_by_name(words: &Words) -> Option<&'static str> {
+    let named = words.unit.filter(|unit| matches!(*unit, "s" | "ms" | "us" | "ns"));
+    named.or_else(|| ["ms", "us", "ns"].into_iter().find(|unit| *unit == words.stem))
+}
+
 /// The unit of stamps, by the name or by their size.
 fn unit(words: &Words, values: &[f64], step: f64) -> (&'static str, String) {
-    if let Some(unit) = words.unit.filter(|u| matches!(*u, "s" | "ms" | "us" | "ns")) {
-        return (unit, "by its name".to_owned());
-    }
-    // The name may be a unit alone.
-    if let Some(unit) = ["ms", "us", "ns"].into_iter().find(|unit| *unit == words.stem) {
+    if let Some(unit) = unit_by_name(words) {
         return (unit, "by its name".to_owned());
     }
     // A date of this century in each unit, or the step of a counter since power-up.

@@ -1,7 +1,10 @@
 //! The rows that a source delivered, and the rows that it left out, with the reasons.
 
 use core::fmt;
+use fusion_core::memory;
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::time::Time;
+use std::borrow::Cow;
 
 /// Examples kept per reason.
 const EXAMPLES: usize = 3;
@@ -10,18 +13,26 @@ const EXAMPLES: usize = 3;
 pub(crate) const DAMAGED: &str = "the file is damaged";
 
 /// A row that was left out.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Example {
     /// Its number in the file, from 1.
     pub number: usize,
     /// The unit of the number: `line`, or `message`.
-    pub counted: &'static str,
+    pub counted: Cow<'static, str>,
     /// The text found there.
     pub what: String,
 }
 
+impl Memory for Example {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.number.remember(tape);
+        self.counted.to_mut().remember(tape);
+        self.what.remember(tape);
+    }
+}
+
 /// Rows that were left out for one reason.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Skipped {
     /// The reason.
     pub reason: String,
@@ -30,6 +41,8 @@ pub struct Skipped {
     /// The first such rows; empty if the reason says everything.
     pub examples: Vec<Example>,
 }
+
+memory!(Skipped { reason, count, examples });
 
 /// The result of reading a source.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -50,6 +63,19 @@ pub struct SourceReport {
     pub longest_gap: Option<(Time, f64)>,
     /// Columns of its file that no channel reads.
     pub unread: Vec<String>,
+}
+
+/// Without the columns, which the next reader finds again.
+impl Memory for SourceReport {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.rows.remember(tape);
+        self.used.remember(tape);
+        self.skipped.remember(tape);
+        self.disturbed.remember(tape);
+        self.first.remember(tape);
+        self.last.remember(tape);
+        self.longest_gap.remember(tape);
+    }
 }
 
 impl SourceReport {
@@ -92,6 +118,35 @@ impl SourceReport {
         self.first = self.first.or(later.first);
         self.last = later.last.or(self.last);
         self.unread = later.unread;
+    }
+
+    /// Adds a row that is delivered.
+    pub fn deliver(&mut self, time: Time) {
+        self.used += 1;
+        self.first.get_or_insert(time);
+        if let Some(last) = self.last.replace(time) {
+            let gap = time.seconds_since(last);
+            if self.longest_gap.is_none_or(|(_, longest)| gap > longest) {
+                self.longest_gap = Some((last, gap));
+            }
+        }
+    }
+
+    /// Takes away the rows read, left out and disturbed that an earlier report of the same reader has.
+    pub fn subtract(&mut self, earlier: &Self) {
+        self.rows = self.rows.saturating_sub(earlier.rows);
+        for skipped in &mut self.skipped {
+            if let Some(known) = earlier.skipped.iter().find(|known| known.reason == skipped.reason) {
+                skipped.count = skipped.count.saturating_sub(known.count);
+                skipped.examples.drain(..known.examples.len().min(skipped.examples.len()));
+            }
+        }
+        self.skipped.retain(|skipped| skipped.count > 0);
+        for (fault, count) in &mut self.disturbed {
+            let known = earlier.disturbed.iter().find(|(known, _)| known == fault);
+            *count = count.saturating_sub(known.map_or(0, |(_, known)| *known));
+        }
+        self.disturbed.retain(|(_, count)| *count > 0);
     }
 
     /// The damage of its file, in words.
@@ -147,14 +202,7 @@ impl RowCounts {
 
     /// A row is delivered.
     pub(crate) fn used(&mut self, time: Time) {
-        self.0.used += 1;
-        self.0.first.get_or_insert(time);
-        if let Some(last) = self.0.last.replace(time) {
-            let gap = time.seconds_since(last);
-            if self.0.longest_gap.is_none_or(|(_, longest)| gap > longest) {
-                self.0.longest_gap = Some((last, gap));
-            }
-        }
+        self.0.deliver(time);
     }
 
     /// A row is left out.
@@ -204,7 +252,7 @@ mod tests {
                 "bad rows",
                 Some(Example {
                     number: k + 1,
-                    counted: LINE,
+                    counted: LINE.into(),
                     what: format!("reason {k}"),
                 }),
             );
@@ -218,5 +266,37 @@ mod tests {
     line 3: reason 2
   disturbed 1: fault noise";
         assert_eq!(counts.report().to_string(), expected);
+    }
+
+    #[test]
+    fn a_report_without_an_earlier_one_has_the_rows_after_it() {
+        let mut counts = RowCounts::default();
+        let add = |counts: &mut RowCounts, number| {
+            counts.row();
+            let example = Example {
+                number,
+                counted: LINE.into(),
+                what: "bad".to_owned(),
+            };
+            counts.skipped("bad rows", Some(example));
+            counts.disturbed("noise");
+        };
+        add(&mut counts, 1);
+        let earlier = counts.report();
+        add(&mut counts, 2);
+        counts.row();
+        counts.skipped("other", None);
+        let (mut later, mut none) = (counts.report(), counts.report());
+        later.subtract(&earlier);
+        let skipped: Vec<(&str, u64, Vec<usize>)> = later
+            .skipped
+            .iter()
+            .map(|s| (&*s.reason, s.count, s.examples.iter().map(|e| e.number).collect()))
+            .collect();
+        assert_eq!((later.rows, skipped), (2, vec![("bad rows", 1, vec![2]), ("other", 1, vec![])]));
+        assert_eq!(later.disturbed, [("noise".to_owned(), 1)]);
+        let all = none.clone();
+        none.subtract(&all);
+        assert_eq!((none.rows, none.skipped.len(), none.disturbed.len()), (0, 0, 0));
     }
 }

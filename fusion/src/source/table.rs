@@ -47,6 +47,8 @@ pub struct LogTable {
     pub skip: usize,
     /// The column of the stamps, if several columns are possible.
     pub stamp: Option<usize>,
+    /// The unit of the stamps, if the file does not tell it and other files do.
+    pub unit: Option<&'static str>,
     /// A comment that states the rate, and the rate in samples per second.
     pub told: Option<(String, f64)>,
     /// Its columns.

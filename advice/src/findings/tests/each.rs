@@ -144,7 +144,7 @@ type Fires = (&'static str, fn(&mut Case));
 fn left_out(name: &str, reason: &str, what: &str) -> SourceStatistics {
     let example = fusion::rows::Example {
         number: 7,
-        counted: "message",
+        counted: "message".into(),
         what: what.to_owned(),
     };
     let skipped = fusion::rows::Skipped {

@@ -237,7 +237,7 @@ impl<R: RawRows> Decoded<R> {
                 Err(Unused::Wrong(wrong)) => match wrong.policy {
                     Policy::Skip => {
                         self.counts.row();
-                        let (number, counted, what) = (place, self.raw.counted(), wrong.message);
+                        let (number, counted, what) = (place, self.raw.counted().into(), wrong.message);
                         self.counts.skipped(wrong.reason, Some(Example { number, counted, what }));
                     }
                     Policy::Stop => {
@@ -271,7 +271,7 @@ impl<R: RawRows> Decoded<R> {
         let example = report.skipped.iter().flat_map(|s| &s.examples).next();
         Err(SourceError::NoRow(Box::new(match example {
             Some(example) => error
-                .row(example.counted, example.number)
+                .row(self.raw.counted(), example.number)
                 .help(format!("this is the first one: {}", example.what)),
             None => error,
         })))
