@@ -47,22 +47,23 @@ pub(crate) struct Fed {
     pub(crate) number_before: u64,
     /// The number of its last row.
     pub(crate) last_number: u64,
+    /// Its rows since the first start.
     pub(crate) tally: Tally,
 }
 
-/// The rows of a source, also those before a checkpoint.
+/// The numbers of rows of a source, with those before a checkpoint.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
-    /// The rows that were delivered.
+    /// The rows that were delivered, and the gaps between them.
     delivered: SourceReport,
-    /// At the checkpoint. The numbers of rows read and left out are used.
+    /// The report at the checkpoint. Its numbers of rows read and left out are used.
     before: SourceReport,
-    /// After the reader was brought to that place again.
+    /// The report of the reader when it is back at the place of the checkpoint.
     again: SourceReport,
 }
 
 impl Tally {
-    /// All rows, of which the reader reports these.
+    /// The report of all rows; `read` is that of the reader.
     fn report(&self, mut read: SourceReport) -> SourceReport {
         read.subtract(&self.again);
         let mut report = SourceReport {

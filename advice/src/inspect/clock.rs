@@ -518,13 +518,14 @@ pub(super) fn why_none(table: &LogTable) -> String {
     format!("`{name}` has no column of time: none is called `t`, `time` or `timestamp`, and none rises from row to row")
 }
 
-/// Selects in each table the column of time that all other tables use, if this table has a column of that name, too.
+/// Selects columns of time and units so that the tables agree.
 pub(super) fn agree(tables: &mut [LogTable]) {
     use_recorder_for_several_starts(tables);
     agree_on_columns(tables);
     agree_on_units(tables);
 }
 
+/// Selects in each table the column of time that all other tables use, if this table has a column of that name, too.
 fn agree_on_columns(tables: &mut [LogTable]) {
     let used = |table: &LogTable| {
         let clock = Clock::named(table)?;
@@ -554,16 +555,18 @@ fn agree_on_columns(tables: &mut [LogTable]) {
     }
 }
 
-/// Selects one unit for columns of time with one name, if the sizes of their numbers suggest several. A first number near
-/// zero tells no unit, and steps of 5 may be seconds of an acoustic fix or milliseconds of an inertial unit.
+/// Selects one unit for columns of time with one name, if only the steps between their numbers suggest a unit. Steps of 5
+/// may be seconds of an acoustic fix or milliseconds of an inertial unit. A date tells its unit, and is left as it is.
 fn agree_on_units(tables: &mut [LogTable]) {
     /// Rows of instruments come at such rates \[Hz\].
     const RATES: core::ops::RangeInclusive<f64> = 0.005..=10_000.0;
     let guessed = |table: &LogTable| {
         let clock = Clock::named(table).filter(|clock| clock.form == Form::Count && clock.origin == Origin::Unknown)?;
         let column = table.columns[clock.column].called();
-        let is_guessed = table.format.clock.is_none() && unit_by_name(&stamp_words(column)).is_none();
-        is_guessed.then(|| (column.to_lowercase(), clock))
+        let first = first(&table.columns[clock.column].values);
+        let is_told = table.format.clock.is_some() || unit_by_name(&stamp_words(column)).is_some() || unit_of_date(first).is_some();
+        // One row has no rate, and suggests nothing.
+        (!is_told && clock.rate.is_finite()).then(|| (column.to_lowercase(), clock))
     };
     let clocks: Vec<Option<(String, Clock)>> = tables.iter().map(guessed).collect();
     for (k, table) in tables.iter_mut().enumerate() {
@@ -617,23 +620,35 @@ fn unit_by_name(words: &Words) -> Option<&'static str> {
     named.or_else(|| ["ms", "us", "ns"].into_iter().find(|unit| *unit == words.stem))
 }
 
+/// The first number, without its sign.
+fn first(values: &[f64]) -> f64 {
+    values.iter().copied().find(|v| v.is_finite()).unwrap_or_default().abs()
+}
+
+/// The unit of a number that is a date of this century, counted from 1970.
+const fn unit_of_date(first: f64) -> Option<&'static str> {
+    match first {
+        f if f > 1e17 => Some("ns"),
+        f if f > 1e14 => Some("us"),
+        f if f > 1e11 => Some("ms"),
+        f if f > 1e9 => Some("s"),
+        _ => None,
+    }
+}
+
 /// The unit of stamps, by the name or by their size.
 fn unit(words: &Words, values: &[f64], step: f64) -> (&'static str, String) {
     if let Some(unit) = unit_by_name(words) {
         return (unit, "by its name".to_owned());
     }
-    // A date of this century in each unit, or the step of a counter since power-up.
-    let first = values.iter().copied().find(|v| v.is_finite()).unwrap_or_default().abs();
-    let unit = match (first, step) {
-        (f, _) if f > 1e17 => "ns",
-        (f, _) if f > 1e14 => "us",
-        (f, _) if f > 1e11 => "ms",
-        (f, _) if f > 1e9 => "s",
-        (_, s) if s >= 1e6 => "ns",
-        (_, s) if s >= 1e3 => "us",
-        (f, s) if s >= 4.0 && math::fract(f) == 0.0 => "ms",
+    // Or the step of a counter since power-up.
+    let first = first(values);
+    let unit = unit_of_date(first).unwrap_or(match step {
+        s if s >= 1e6 => "ns",
+        s if s >= 1e3 => "us",
+        s if s >= 4.0 && math::fract(first) == 0.0 => "ms",
         _ => "s",
-    };
+    });
     (unit, format!("first {first}, usual interval {step}"))
 }
 

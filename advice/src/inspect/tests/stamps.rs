@@ -239,14 +239,15 @@ fn stamps_of_one_sender_are_used_and_those_of_two_senders_are_not_comparable() {
 
 #[test]
 fn stamps_of_one_name_have_one_unit() {
-    let units = |names: [&'static str; 2], steps: [f64; 2]| {
+    let from = |starts: [f64; 2], names: [&'static str; 2], steps: [f64; 2]| {
         let mut tables = [0, 1].map(|k| {
-            let stamp = move |t: f64| t * steps[k];
+            let stamp = move |t: f64| starts[k] + t * steps[k];
             table(&[(names[k], &stamp)], 100, 1.0)
         });
         super::clock::agree(&mut tables);
         tables.map(|table| super::clock::Clock::of(&table).unwrap().unit)
     };
+    let units = |names, steps| from([0.0; 2], names, steps);
     // An inertial unit at 50 Hz, and acoustic fixes each 5 s: alone, 5 would be taken for milliseconds.
     assert_eq!(units(["t", "t"], [0.02, 5.0]), ["s", "s"]);
     // 200 Hz and 1 Hz in milliseconds: alone, 1000 would be taken for microseconds.
@@ -254,4 +255,6 @@ fn stamps_of_one_name_have_one_unit() {
     // Names that differ may count differently.
     assert_eq!(units(["t", "time"], [0.02, 5.0]), ["s", "ms"]);
     assert_eq!(units(["t_us", "t_us"], [0.02, 5.0]), ["us", "us"]);
+    // Dates tell their units.
+    assert_eq!(from([1.7e9, 1.7e12], ["t", "t"], [0.02, 200.0]), ["s", "ms"]);
 }
