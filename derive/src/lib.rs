@@ -1,5 +1,9 @@
 //! `#[derive(Literal)]` for the models of the fusion framework. Import it with the trait, as
 //! `fusion_core::model::Literal`; its documentation has an example.
+//!
+//! `#[derive(DeserializeSpec)]` for their specs, as `fusion_models::de::DeserializeSpec`.
+
+mod spec;
 
 use proc_macro2::TokenStream;
 use quote::{format_ident, quote};
@@ -18,6 +22,16 @@ use syn::{Data, DeriveInput, Error, Fields, Ident, LitStr, Member, Path, Type, W
 pub fn literal(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
     let input = syn::parse_macro_input!(input as DeriveInput);
     expand(&input).unwrap_or_else(Error::into_compile_error).into()
+}
+
+/// Writes `serde::Deserialize` for a spec, as serde does, with much less code in the program.
+///
+/// It takes the attributes of serde. `#[spec(models = a::b)]` says where `fusion_models` is, in a crate that does not
+/// depend on it directly.
+#[proc_macro_derive(DeserializeSpec, attributes(serde, spec))]
+pub fn deserialize_spec(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
+    let input = syn::parse_macro_input!(input as DeriveInput);
+    spec::expand(input).unwrap_or_else(Error::into_compile_error).into()
 }
 
 fn expand(input: &DeriveInput) -> syn::Result<TokenStream> {

@@ -3,13 +3,14 @@
 #![cfg(feature = "declare")]
 
 use crate::block::{BuildError, GateSpec};
+use crate::de::DeserializeSpec;
 use crate::units::{AnyQuantity, Dimension, Dimensional, NonNegative, Positive, Probability, UnitError, dim, range};
 use fusion_core::gate::{Ellipse, FalseTracks, Gate, Hypotheses, Magnitude, Nis, Open, Recovery, TwoCondition, TwoConditions};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// Accepts everything; its NIS is still reported.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NoneSpec {}
 
@@ -67,7 +68,7 @@ impl RecoverySpec {
 }
 
 /// Rejects measurements whose NIS exceeds a χ² quantile.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NisSpec {
     /// Share of good measurements that is accepted, e.g. 0.999.
@@ -107,7 +108,7 @@ impl GateSpec for NisSpec {
 
 /// Leaves it open whether a measurement is good or false: a bank of hypotheses, `[filter.bank]`, keeps both cases until
 /// they can be distinguished. False measurements come one by one, or as a track that agrees with itself.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HypothesesSpec {
     /// The probability that a measurement is false after a good one; 0.01 by default.
@@ -221,7 +222,7 @@ impl GateSpec for HypothesesSpec {
 
 /// Rejects a position fix that lies outside the confidence ellipse of the estimate *and* far from
 /// it, horizontally or in height; each condition has variants.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TwoConditionSpec {
     /// Condition 1: the probability of the ellipse; 0.99 is γ = 9.21.

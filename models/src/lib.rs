@@ -93,6 +93,7 @@
 //! | [`sim`] | trajectories, steered vehicles, errors of instruments |
 //! | [`earth`] | gravity, rates, frames, the magnetic field |
 //! | [`block`], [`registry`], [`vocabulary`] | declarations of a block; the list of blocks; well-known names |
+//! | [`de`] | reads specs with little code |
 //! | [`param`], [`units`] | parameters, fixed or estimated; quantities with units |
 //! | [`plausible`], [`spelling`] | impossible values; suggestions for misspelt names |
 //! | [`testing`] | the laws, for blocks of this crate and of others |
@@ -107,9 +108,14 @@
 
 #[cfg_attr(not(feature = "declare"), macro_use)]
 extern crate alloc;
+// The derive `DeserializeSpec` names this crate.
+#[cfg(feature = "declare")]
+extern crate self as fusion_models;
 
 pub mod block;
 mod channel;
+#[cfg(feature = "declare")]
+pub mod de;
 pub mod earth;
 mod error;
 pub mod fault;

@@ -3,17 +3,17 @@
 #![cfg(feature = "declare")]
 
 use crate::block::{BuildError, LossSpec};
+use crate::de::DeserializeSpec;
 use crate::units::{Positive, dim};
 use fusion_core::loss::{Cauchy, Huber, Loss, Quadratic, StudentT};
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 fn constant(value: f64) -> Positive<dim::Ratio> {
     Positive::try_from_si(value).unwrap_or_else(|_| unreachable!("defaults are positive"))
 }
 
 /// Least squares: every accepted measurement has full weight.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct QuadraticSpec {}
 
@@ -27,7 +27,7 @@ impl LossSpec for QuadraticSpec {
 }
 
 /// Huber: quadratic near zero, linear from `k` standard deviations.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HuberSpec {
     /// Where the loss becomes linear, for a residual of one row; 1.345 gives 95 % efficiency. Of more
@@ -50,7 +50,7 @@ impl LossSpec for HuberSpec {
 }
 
 /// Cauchy: weights fall with the square of the residual.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CauchySpec {
     /// Scale in standard deviations of a residual of one row; 2.385 gives 95 % efficiency. Of more
@@ -73,7 +73,7 @@ impl LossSpec for CauchySpec {
 }
 
 /// Student-t: the weight of a heavy-tailed noise of `nu` degrees of freedom.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StudentTSpec {
     /// Degrees of freedom.

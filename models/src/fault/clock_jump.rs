@@ -2,17 +2,17 @@
 
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows, all_columns};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::Duration;
 use core::ops::Range;
 use fusion_core::time::{Time, nanos};
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// During a window, the stamps of a source are wrong by a constant; the arrival times of its rows do not change.
 ///
 /// One hour ahead for one row is a glitch, a leap second forever is a misconfigured receiver. Gate statistics count
 /// such a row as disturbed: its stamp differs from the time of its measurement.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ClockJumpSpec {
     /// Added to the stamps; negative for a clock that is late.

@@ -3,15 +3,15 @@
 use super::random::strikes;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::Probability;
 use core::num::NonZeroU32;
 use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Rows arrive again, with the same stamp and the same numbers.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DuplicateSpec {
     /// How many copies follow a row; one by default.

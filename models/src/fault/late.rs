@@ -3,17 +3,17 @@
 use super::random::strikes;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{Positive, Probability, dim};
 use core::ops::Range;
 use fusion_core::time::{Time, nanos};
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Rows arrive late, with the stamps that they had: out of order.
 ///
 /// A late row comes as soon as the log has reached its stamp and `by`. With a `rate` below 1 the
 /// rows of the source itself change places.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LateSpec {
     /// How late.

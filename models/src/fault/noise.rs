@@ -4,16 +4,16 @@ use super::random::generator;
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{PerAxis, range};
 use core::ops::Range;
 use fusion_core::time::Time;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// White Gaussian noise is added to a channel.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NoiseSpec {
     /// The channel; may be left out where the source has only one.

@@ -3,13 +3,13 @@
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// During a window, a channel says NaN; the rows arrive all the same.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NotANumberSpec {
     /// The channel; all of them by default.

@@ -4,6 +4,7 @@ use super::random::generator;
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{Axes, PerAxis, dim, range};
 use core::f64::consts::TAU;
 use core::ops::Range;
@@ -11,12 +12,11 @@ use fusion_core::math;
 use fusion_core::time::Time;
 use rand::RngExt;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// A sine is added to each axis of a channel: vibration, as an inertial unit samples it.
 ///
 /// The frequency of each axis is drawn from the band, its phase too; both stay for the whole log.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OscillationSpec {
     /// The channel; may be left out where the source has only one.

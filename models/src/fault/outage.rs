@@ -3,14 +3,14 @@
 use super::random::strikes;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::Probability;
 use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// The source delivers no rows: an outage, whose drift is scored.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OutageSpec {
     /// When, in the time of the log.
@@ -63,7 +63,7 @@ impl Fault for Outage {
 }
 
 /// Rows are lost at random.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DropSpec {
     /// Share of the rows that are lost.

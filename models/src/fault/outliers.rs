@@ -4,6 +4,7 @@ use super::random::generator;
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{AnyQuantity, PerAxis, Probability, range};
 use core::ops::Range;
 use fusion_core::math;
@@ -11,13 +12,12 @@ use fusion_core::time::Time;
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Some rows get an error of random size and direction.
 ///
 /// The error of a position is horizontal, that of a vector has any direction, that of a single
 /// number either sign, that of an attitude any axis.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OutliersSpec {
     /// The channel; may be left out where the source has only one.

@@ -3,18 +3,18 @@
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{Dimensional, PerAxis, dim, range};
 use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// From the beginning of a window on, an offset that grows steadily is added to a channel; at the
 /// end of the window it is gone.
 ///
 /// The offset after the time t in the window is `rate`·t. A gate that judges each measurement by
 /// itself follows a slow ramp. A spoofed receiver is led away like this.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RampSpec {
     /// The channel; may be left out where the source has only one.

@@ -3,16 +3,16 @@
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{Dimension, PerAxis, range};
 use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// A channel is multiplied by a factor; −1 is a wrong sign.
 ///
 /// For plain numbers and angles: a position or an attitude has no scale.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ScaleSpec {
     /// The channel; may be left out where the source has only one.

@@ -3,14 +3,14 @@
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{Duration, PerAxis, range};
 use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// From a given time on, a constant is added to a channel.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BiasStepSpec {
     /// The channel; may be left out where the source has only one.
@@ -49,7 +49,7 @@ impl FaultSpec for BiasStepSpec {
 }
 
 /// During a window, a constant is added to a channel: a jump, of a spoofed receiver too.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpikeSpec {
     /// The channel; may be left out where the source has only one.

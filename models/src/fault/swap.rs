@@ -3,13 +3,13 @@
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::{BuildError, Shape};
+use crate::de::DeserializeSpec;
 use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Two numbers of a channel change places, such as latitude and longitude.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SwapSpec {
     /// The channel; may be left out where the source has only one.

@@ -4,6 +4,7 @@ use super::random::generator;
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, RowOutcome, Windows};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{PerAxis, Positive, dim, range};
 use core::ops::Range;
 use fusion_core::math;
@@ -11,13 +12,12 @@ use fusion_core::time::{Time, nanos};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// A channel wanders about what it should say: an error with a correlation in time, such as that of
 /// reflected sound.
 ///
 /// Normal numbers every `correlation_time`, and between them a smooth curve of the same 1σ.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WanderSpec {
     /// The channel; may be left out where the source has only one.

@@ -63,13 +63,13 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+    use crate::de::DeserializeSpec;
     use crate::units::{NonNegative, Positive, dim};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Heading from the line between two fixes, for receivers that report no velocity.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct BaselineSpec {
         /// A stream with a `position` channel, or with `horizontal_position` where `horizontal` says so.

@@ -73,13 +73,13 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+    use crate::de::DeserializeSpec;
     use crate::units::{self, NonNegative, Positive, dim};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Heading from a compass, averaged.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct CompassSpec {
         /// A stream with a `heading` channel: a compass, the stage `compass`, an attitude filter.

@@ -66,13 +66,13 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+    use crate::de::DeserializeSpec;
     use crate::units::{Angle, NonNegative, Positive, dim};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Heading from the GNSS course, once the vehicle moves forward fast enough.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct CourseSpec {
         /// A stream with a `velocity` channel, north east down, or with `horizontal_velocity` if `horizontal` is true.

@@ -55,15 +55,15 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+    use crate::de::DeserializeSpec;
     use crate::param::Rpy;
     use crate::units::{Angle, Axes, NonNegative, Place, Vec3Of, dim, range};
     use crate::vocabulary::state;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Initial values written in the file: any of position, velocity, attitude or heading, each with
     /// its 1σ.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct ExplicitSpec {
         /// Initial position; without it the origin where `position_sigma` is given.

@@ -173,14 +173,14 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, InitialiserSpec, Listen, Taken};
+    use crate::de::DeserializeSpec;
     use crate::units::{Axes, Length, Vec3Of, dim, range};
     use crate::vocabulary::{channel, state};
     use core::num::NonZeroUsize;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Position, and velocity where declared, from the latest fix before the filter starts.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct FirstFixSpec {
         /// A stream with a `position` channel, or with `horizontal_position` if the `height` is given.

@@ -286,6 +286,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, InitialiserSpec, Listen, imu_channels};
+    use crate::de::DeserializeSpec;
     use crate::stage::still::StillSpec;
     use crate::units::{Axes, NonNegative, Positive, dim, range};
     use schemars::JsonSchema;
@@ -293,7 +294,7 @@ mod spec {
 
     /// Roll and pitch from the specific force at rest, the gyro bias from the rate at rest, and with `gyrocompass` the
     /// heading from the Earth's rotation.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct LevellingSpec {
         /// The IMU stream.

@@ -134,6 +134,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::de::DeserializeSpec;
     use crate::earth::rates::earth_rate_n;
     use crate::param::VectorParam;
     use crate::process::agility::AgilitySpec;
@@ -141,11 +142,10 @@ mod spec {
     use crate::vocabulary::{channel, state};
     use fusion_core::state::Dynamics;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Attitude alone, from gyros: states attitude and, where declared, gyro bias; driven by the
     /// channel `angular_rate` of its source.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct AttitudeOnlySpec {
         /// White noise of the rate: the angle random walk, e.g. "0.1 deg/sqrt(s)".

@@ -71,14 +71,14 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::de::DeserializeSpec;
     use crate::units::{Axes, Vec3Of, dim, range};
     use crate::vocabulary::state;
     use fusion_core::state::Dynamics;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Constant velocity with white acceleration, in local axes at the origin; no input.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct ConstantVelocitySpec {
         /// White noise density of the acceleration, north east down.

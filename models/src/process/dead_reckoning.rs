@@ -154,17 +154,17 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::{ScalarParam, VectorParam};
     use crate::units::{Axes, Positive, dim, range};
     use crate::vocabulary::{channel, state};
     use fusion_core::geometry::wgs84::Geodetic as Place;
     use fusion_core::state::Dynamics;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Dead reckoning: position by the vehicle's velocity in its own axes and the attitude of a reference.
     /// Driven by the channel `attitude` of its source.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct DeadReckoningSpec {
         /// Initial 1σ of position, north east down. The position starts at the origin, or at the position from an

@@ -201,6 +201,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::VectorParam;
     use crate::process::agility::AgilitySpec;
     use crate::process::kinematic::psd;
@@ -208,12 +209,11 @@ mod spec {
     use crate::units::{Axes, dim, range};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Strapdown navigation that takes its rotation from an attitude reference: states position,
     /// velocity, attitude and, where declared, accelerometer and gyro bias; driven by the channels
     /// `specific_force` and `attitude` of its source.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct ExternalAttitudeSpec {
         /// White noise of the reference's rotation: the angle random walk.

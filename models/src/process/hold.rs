@@ -32,15 +32,15 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::de::DeserializeSpec;
     use crate::units::{Axes, dim, range};
     use crate::vocabulary::state;
     use fusion_core::geometry::wgs84::Geodetic as Place;
     use fusion_core::state::Dynamics;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// A position that stays constant between fixes; with a large random walk, that of the latest fix.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct HoldSpec {
         /// Random walk of the position, north east down.

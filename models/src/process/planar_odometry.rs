@@ -136,16 +136,16 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::de::DeserializeSpec;
     use crate::earth::{Gravity, LocalEarth};
     use crate::units::{NonNegative, dim};
     use crate::vocabulary::{channel, state};
     use fusion_core::state::Dynamics;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Odometry in the plane: a robot whose speeds and rate of turn are measured. Driven by the channels
     /// `forward_speed`, `sideways_speed` and `yaw_rate` of its source. Needs an origin.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct PlanarOdometrySpec {
         /// White noise density of the speed ahead; 1σ of a sample over the root of the rate of samples.

@@ -159,6 +159,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
+    use crate::de::DeserializeSpec;
     use crate::earth::Gravity;
     use crate::process::agility::AgilitySpec;
     use crate::process::inertial::{AccelerometerSpec, GyroSpec};
@@ -184,7 +185,7 @@ mod spec {
     /// Strapdown inertial navigation over a plane with constant gravity that does not turn, for small areas
     /// and small drones: states local position, velocity, attitude and, where declared, biases and scale
     /// factors; driven by the channels `angular_rate` and `specific_force` of its source. Needs an origin.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct StrapdownLocalSpec {
         /// The gyros: noise, bias, scale.

@@ -194,15 +194,15 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, ProcessSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::ScalarParam;
     use crate::units::{self, Axes, Duration, NonNegative, Positive, dim, range};
     use crate::vocabulary::state;
     use fusion_core::state::Dynamics;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// A vehicle that drives ahead and turns, in the horizontal plane; no input.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct UnicycleSpec {
         /// White noise density of the acceleration ahead.

@@ -141,14 +141,14 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, NED, Reading, SensorSpec, XYZ};
+    use crate::de::DeserializeSpec;
     use crate::param::RotationParam;
     use crate::units::{Dimension, Dimensional, dim};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Attitude as a quaternion, from an attitude reference or a motion-capture system.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct AttitudeSpec {
         /// Roll, pitch, yaw of the sensor's axes in the body: x_body = C(mounting) x_sensor.

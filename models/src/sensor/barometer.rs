@@ -90,13 +90,13 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::{ParamSpec, ScalarParam, VectorParam};
     use crate::units::{Dimension, Dimensional, Pressure, dim};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Static air pressure in the standard troposphere.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct BarometerSpec {
         /// Sensor position in body axes, from the body origin (the IMU).

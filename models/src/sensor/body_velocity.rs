@@ -99,6 +99,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::{RotationParam, ScalarParam, VectorParam};
     use crate::units::{Dimension, Dimensional, dim};
     use crate::vocabulary::{channel, parameter, state};
@@ -113,7 +114,7 @@ mod spec {
     ];
 
     /// Velocity over ground in the sensor's own axes: a Doppler log.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct BodyVelocitySpec {
         /// Sensor position in body axes, from the body origin (the IMU).
@@ -149,7 +150,7 @@ current = { estimate = true, initial = ["30 cm/s", 0, 0], sigma = ["0.5 m/s", "0
     /// Speed along the forward axis of a vehicle: an odometer, a wheel encoder, a water log. It does not measure motion
     /// sideways and down, so these velocities drift. Add a sensor `nonholonomic` if the vehicle hardly slips; for a water
     /// log let both sensors share the `current`.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct OdometerSpec {
         /// Where the speed is measured, in body axes from the body origin (the IMU): a wheel, the middle of the rear axle.
@@ -179,7 +180,7 @@ scale = { estimate = true, initial = "1 %", sigma = "3 %", random_walk = "0.01 %
 
     /// Pseudo-measurement: a wheeled or tracked vehicle has no velocity sideways or up, a boat has no velocity sideways
     /// through the water.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct NonholonomicSpec {
         /// Where the constraint holds, in body axes from the body origin (the IMU): the middle of

@@ -49,13 +49,13 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::{ScalarParam, VectorParam};
     use crate::units::{Dimension, Dimensional, dim};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Depth below the water's surface, down positive.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct DepthSpec {
         /// Sensor position in body axes, from the body origin (the IMU).

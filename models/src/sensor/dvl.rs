@@ -53,6 +53,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::{RotationParam, ScalarParam, VectorParam};
     use crate::sensor::body_velocity::BodyVelocitySpec;
     use crate::units::{Angle, Dimension, Dimensional, Positive, dim};
@@ -60,13 +61,12 @@ mod spec {
     use fusion_core::math;
     use nalgebra::Vector3;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// The names of the beams and of their channels.
     const BEAMS: &[&str] = &["beam_1", "beam_2", "beam_3", "beam_4", "beam_5", "beam_6", "beam_7", "beam_8"];
 
     /// Velocities along the beams of a Doppler log, each a separate measurement: channels `beam_1`, `beam_2` and so on.
-    #[derive(Clone, Debug, Deserialize, JsonSchema)]
+    #[derive(Clone, Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct DvlSpec {
         /// Angle of the beams from the sensor's down axis, less than 90 deg; 20 to 30 deg are usual.

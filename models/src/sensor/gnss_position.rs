@@ -118,14 +118,14 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, NED, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::VectorParam;
     use crate::units::{Dimension, Dimensional, dim};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// GNSS position with an antenna lever arm and a correlated error.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct GnssPositionSpec {
         /// Antenna position in body axes, from the body origin (the IMU).

@@ -68,15 +68,15 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, NED, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::VectorParam;
     use crate::units::{Dimension, Dimensional, dim};
     use crate::vocabulary::{channel, state};
     use nalgebra::Vector3;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// GNSS velocity, north east down, with an antenna lever arm.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct GnssVelocitySpec {
         /// Antenna position in body axes, from the body origin (the IMU).

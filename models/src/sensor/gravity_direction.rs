@@ -58,15 +58,15 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Reading, SensorSpec, XYZ};
+    use crate::de::DeserializeSpec;
     use crate::earth::LocalEarth;
     use crate::param::VectorParam;
     use crate::units::{Dimension, Dimensional, Positive, STANDARD_GRAVITY, dim};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Direction of gravity from the accelerometers, for a body that does not accelerate.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct GravityDirectionSpec {
         /// Bias of the accelerometers.

@@ -126,6 +126,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::ScalarParam;
     use crate::units::{self, Dimension, Dimensional, dim};
     use crate::vocabulary::{channel, state};
@@ -133,7 +134,7 @@ mod spec {
     use serde::Deserialize;
 
     /// Heading, clockwise from north, with declination and deviation.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct HeadingSpec {
         /// Heading bias, clockwise positive: the constant part of the deviation, misalignment.

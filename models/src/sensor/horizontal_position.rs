@@ -11,15 +11,15 @@
 
 use super::gnss_position::Fix;
 use crate::block::{Build, BuildError, Channel, NED, Reading, SensorSpec};
+use crate::de::DeserializeSpec;
 use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::channel;
 use fusion_core::model::Measurement;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Latitude and longitude of a receiver that says nothing of the height.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HorizontalPositionSpec {
     /// Antenna position in body axes, from the body origin (the IMU).

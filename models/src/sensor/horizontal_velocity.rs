@@ -10,15 +10,15 @@
 
 use super::gnss_velocity::GnssVelocity;
 use crate::block::{Build, BuildError, NED, Reading, SensorSpec};
+use crate::de::DeserializeSpec;
 use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::channel;
 use fusion_core::model::{Measurement, Size};
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Velocity north and east of a receiver that says nothing of the vertical.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HorizontalVelocitySpec {
     /// Antenna position in body axes, from the body origin (the IMU).

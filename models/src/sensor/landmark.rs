@@ -174,6 +174,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Reading, SensorSpec, XYZ};
+    use crate::de::DeserializeSpec;
     use crate::earth::LocalFrame;
     use crate::param::VectorParam;
     use crate::units::{Dimension, Dimensional, Place, Vec3Of, dim};
@@ -182,7 +183,7 @@ mod spec {
     use serde::Deserialize;
 
     /// Landmarks at known places, each as a vector or as bearing and range, all of them seen together.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct LandmarkSpec {
         /// The places of the landmarks: geodetic, or north, east, down of the origin of the run.

@@ -78,15 +78,15 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Reading, SensorSpec, XYZ};
+    use crate::de::DeserializeSpec;
     use crate::earth::magnetic::{self};
     use crate::param::{ParamSpec, ScalarParam, VectorParam};
     use crate::units::{Angle, Dimension, Dimensional, Quantity as Unit, Vec3Of, dim};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// A three-axis magnetometer: the Earth's field in body axes, with the body's own field.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct MagnetometerSpec {
         /// Strength of the Earth's field. `date` can replace it, `inclination` and `declination`.

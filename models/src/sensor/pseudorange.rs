@@ -45,6 +45,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Reading, SensorSpec, Shape};
+    use crate::de::DeserializeSpec;
     use crate::param::{ScalarParam, VectorParam};
     use crate::sensor::receiver_clock;
     use crate::sensor::satellite::{OfSatellite, is_signal};
@@ -52,10 +53,9 @@ mod spec {
     use crate::vocabulary::channel;
     use fusion_core::model::{Exact, Measurement};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Pseudoranges to satellites, one satellite per row, with the clock of the receiver as states.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct PseudorangeSpec {
         /// Antenna position in body axes, from the body origin (the IMU).

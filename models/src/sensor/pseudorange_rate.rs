@@ -66,6 +66,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::{ScalarParam, VectorParam};
     use crate::sensor::pseudorange::sigma_of;
     use crate::sensor::receiver_clock;
@@ -74,10 +75,9 @@ mod spec {
     use crate::vocabulary::{channel, state};
     use fusion_core::model::{Exact, Measurement};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Rates of pseudoranges (Doppler), one satellite per row.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct PseudorangeRateSpec {
         /// Antenna position in body axes, from the body origin (the IMU).

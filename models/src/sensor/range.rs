@@ -74,6 +74,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::earth::frames::ecef_from_geodetic;
     use crate::param::{ScalarParam, VectorParam};
     use crate::units::{Dimension, Dimensional, Latitude, Length, Longitude, Place, dim};
@@ -81,10 +82,9 @@ mod spec {
     use fusion_core::geometry::wgs84::Geodetic;
     use fusion_core::model::{Exact, Measurement};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Range to a beacon at a known place, or to several at once.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct RangeSpec {
         /// Latitude of the beacon, north positive.

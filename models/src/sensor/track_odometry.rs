@@ -57,15 +57,15 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::{RotationParam, ScalarParam, VectorParam};
     use crate::units::{Dimension, Dimensional, dim};
     use crate::vocabulary::{channel, parameter, state};
     use fusion_core::model::{Exact, Measurement};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Speeds of the left and right track of a skid-steered vehicle.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct TrackOdometrySpec {
         /// Distance between the centres of rotation of the two tracks; the gauge of the vehicle times 1.5 or so.

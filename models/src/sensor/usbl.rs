@@ -110,17 +110,17 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::{RotationParam, ScalarParam, VectorParam};
     use crate::units::{Dimension, Dimensional, Place, dim};
     use crate::vocabulary::{channel, state};
     use fusion_core::state::QuantityName;
     use nalgebra::Vector3;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Range, bearing and depression of a transponder on the body, from a transceiver on another vessel or at
     /// a fixed place.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct UsblSpec {
         /// The sensor `vessel_pose` of the vessel that carries the transceiver.

@@ -13,6 +13,7 @@
 
 use super::gnss_position::Fix;
 use crate::block::{Build, BuildError, Channel, NED, Reading, SensorSpec};
+use crate::de::DeserializeSpec;
 use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::channel;
@@ -21,7 +22,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// Position of an acoustic transponder, with its lever arm and a correlated error.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct UsblPositionSpec {
     /// Transponder position in body axes, from the body origin (the IMU).

@@ -69,20 +69,20 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::units::{Dimension, Dimensional, NonNegative, dim};
     use crate::vocabulary::channel;
     use fusion_core::geometry::wgs84::Geodetic as Place;
     use fusion_core::state::{Declaration, Dynamics, StateRole};
     use nalgebra::UnitQuaternion;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// 1σ before the first row: anywhere in reach of acoustics \[m\], any attitude \[rad\].
     const UNKNOWN: (f64, f64) = (1e4, 2.0);
 
     /// Pose of another vessel, whose position and attitude become states: `NAME.position`, `NAME.attitude`. In a simulation
     /// it is the platform `[simulation.platform.NAME]`, or without one of this name the ship of `[simulation.ship]`.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct VesselPoseSpec {
         /// How far it may move between two rows.

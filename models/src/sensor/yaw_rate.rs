@@ -44,14 +44,14 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Reading, SensorSpec};
+    use crate::de::DeserializeSpec;
     use crate::param::ScalarParam;
     use crate::units::{Dimension, Dimensional, dim};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Rate of turn, clockwise seen from above.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct YawRateSpec {
         /// Bias of the gyro.

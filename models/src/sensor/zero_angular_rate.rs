@@ -64,13 +64,13 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Reading, SensorSpec, XYZ};
+    use crate::de::DeserializeSpec;
     use crate::units::{Dimension, Dimensional, dim};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Pseudo-measurement at rest: the gyros read their bias and the rotation of the Earth.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct ZeroAngularRateSpec {}
 

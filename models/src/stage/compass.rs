@@ -95,6 +95,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::de::DeserializeSpec;
     use crate::units::{self, Dimensional, NonNegative, Positive, Quantity as Unit, Vec3Of, dim};
     use crate::vocabulary::{channel, state};
     use field_gate::FieldGateSpec;
@@ -103,7 +104,7 @@ mod spec {
     use serde::Deserialize;
 
     /// Headings from a magnetometer, tilt-compensated by the filter's own roll and pitch.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct CompassStageSpec {
         /// A stream with a `magnetic_field` channel, three axes.

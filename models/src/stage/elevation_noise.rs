@@ -49,13 +49,13 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::de::DeserializeSpec;
     use crate::stage::satellite::{channels, listen};
     use crate::units::{Dimensional, Positive, Quantity, dim};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Gives pseudoranges a 1σ that grows towards the horizon, and drops low satellites.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct ElevationNoiseSpec {
         /// The stream of pseudoranges, with the positions of their satellites.

@@ -134,14 +134,14 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
+    use crate::de::DeserializeSpec;
     use crate::earth::LocalEarth;
     use crate::units::{Dimensional, NonNegative, Positive, Quantity as Unit, Range, STANDARD_GRAVITY, dim};
     use crate::vocabulary::{channel, state};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// A gradient step from the estimate towards the vertical of the accelerometers, as a measured attitude.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct GravityGradientSpec {
         /// The IMU stream.

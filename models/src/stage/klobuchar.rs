@@ -79,12 +79,12 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::de::DeserializeSpec;
     use crate::stage::satellite::{channels, listen};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Takes the delay of the ionosphere out of pseudoranges of the L1 frequency, by the broadcast model of Klobuchar.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct KlobucharSpec {
         /// The stream of pseudoranges, with the positions of their satellites; its stamps are in GPS time.

@@ -44,13 +44,14 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::de::DeserializeSpec;
     use crate::units::{Dimensional, dim};
     use crate::vocabulary::channel;
     use schemars::JsonSchema;
     use serde::Deserialize;
 
     /// Passes one row of a stream for each row of another.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct OncePerSpec {
         /// The stream whose rows pass.

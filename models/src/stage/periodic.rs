@@ -58,14 +58,14 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::de::DeserializeSpec;
     use crate::units::{NonNegative, Positive, dim};
     use crate::vocabulary::state;
     use fusion_core::time::nanos;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Emits empty rows at a fixed rate: the timing of a pseudo-measurement.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct PeriodicSpec {
         /// The stream whose stamps drive the clock, e.g. the IMU.

@@ -56,13 +56,13 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::de::DeserializeSpec;
     use crate::stage::satellite::{channels, listen};
     use crate::units::{NonNegative, dim};
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Takes the delay of the troposphere out of pseudoranges, by the model of Saastamoinen in a standard atmosphere.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct SaastamoinenSpec {
         /// The stream of pseudoranges, with the positions of their satellites.

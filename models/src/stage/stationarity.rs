@@ -127,6 +127,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
+    use crate::de::DeserializeSpec;
     use crate::stage::still::StillSpec;
     use crate::units::{Positive, dim};
     use crate::vocabulary::{channel, state};
@@ -135,7 +136,7 @@ mod spec {
     use serde::Deserialize;
 
     /// Emits rows while the vehicle stands still, judged by the IMU and, where declared, by GNSS.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct StationaritySpec {
         /// The IMU stream.

@@ -70,16 +70,16 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
+    use crate::de::DeserializeSpec;
     use crate::earth::LocalEarth;
     use crate::units::{Positive, STANDARD_GRAVITY, dim};
     use crate::vocabulary::{channel, state};
     use fusion_core::time::nanos;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// The specific force, low-pass filtered in axes that do not rotate: a vertical for a body that
     /// accelerates.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct SteadyForceSpec {
         /// The IMU stream.

@@ -39,13 +39,13 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+    use crate::de::DeserializeSpec;
     use crate::units::{Positive, Quantity, dim};
     use crate::vocabulary::channel;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Computes the velocity of the body from the speeds of its two tracks, for sensors that take velocities.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct TrackVelocitySpec {
         /// The stream with the speeds `left` and `right`.

@@ -149,14 +149,14 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, LONGEST_DELAY, Listen, StageSpec};
+    use crate::de::DeserializeSpec;
     use crate::units::{Axes, NonNegative, Positive, Vec3Of, dim, range};
     use crate::vocabulary::channel;
     use schemars::JsonSchema;
-    use serde::Deserialize;
 
     /// Computes positions of a transponder from range, bearing and depression, measured by a transceiver under a ship.
     /// Position and attitude of the ship are interpolated at the time of validity.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct UsblFixSpec {
         /// The stream with `range`, `bearing` and `depression`.

@@ -21,7 +21,8 @@ use std::collections::BTreeMap;
 macro_rules! format_spec {
     ($(#[$about:meta])* pub struct $Name:ident { $($own:tt)* }) => {
         $(#[$about])*
-        #[derive(Debug, serde::Deserialize, schemars::JsonSchema)]
+        #[derive(Debug, $crate::models::de::DeserializeSpec, schemars::JsonSchema)]
+        #[spec(models = $crate::models)]
         #[serde(deny_unknown_fields)]
         pub struct $Name {
             $($own)*

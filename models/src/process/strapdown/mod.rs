@@ -199,6 +199,7 @@ pub use spec::*;
 mod spec {
     use super::*;
     use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
+    use crate::de::DeserializeSpec;
     use crate::process::agility::AgilitySpec;
     use crate::process::kinematic;
     use crate::units::{Axes, dim, range};
@@ -233,7 +234,7 @@ mod spec {
     /// Strapdown inertial navigation on the ellipsoid: states position, velocity, attitude and, where
     /// declared, biases and scale factors; driven by the channels `angular_rate` and
     /// `specific_force` of its source.
-    #[derive(Debug, Deserialize, JsonSchema)]
+    #[derive(Debug, DeserializeSpec, JsonSchema)]
     #[serde(deny_unknown_fields)]
     pub struct StrapdownSpec {
         /// The gyros: noise, bias, scale.

@@ -8,6 +8,7 @@
 
 use super::{Command, Control, ControlSpec, Goal, Seen};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{NonNegative, Positive, dim};
 use core::f64::consts::FRAC_PI_2;
 use fusion_core::geometry::so3::wrap_angle;
@@ -16,7 +17,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// Holds headings and follows lines, by the filter's own estimate.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AutopilotSpec {
     /// How often it runs.

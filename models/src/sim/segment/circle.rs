@@ -2,14 +2,14 @@
 
 use super::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{Positive, Quantity, dim};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Goes round a circle at the present speed, at a constant rate: unlike a `turn` it begins and ends
 /// turning, so acceleration and turn rate jump at its ends. For a body that starts with a speed.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CircleSpec {
     /// How far to turn, right positive; 360 degrees is once round.

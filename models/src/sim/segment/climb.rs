@@ -3,15 +3,15 @@
 use super::super::profile::{pulse, step7};
 use super::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{Positive, Quantity, Vec3Of, dim};
 use fusion_core::math;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Climbs or dives straight ahead, the nose along the path, and ends level. The horizontal speed
 /// stays.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ClimbSpec {
     /// Height gained; negative: lost.
@@ -82,7 +82,7 @@ impl Segment for Climb {
 
 /// A bump: heading, pitch and velocity deviate to one side and then to the other, and the height
 /// changes permanently. Otherwise the body keeps its course and speed.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BumpSpec {
     /// How long.

@@ -13,19 +13,19 @@
 use super::super::profile::{step7, step7_third};
 use super::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{NonNegative, Positive, Quantity, STANDARD_GRAVITY, Vec3Of, dim};
 use core::f64::consts::TAU;
 use fusion_core::math;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// The greatest slope of [`step7`].
 const STEP7_SLOPE: f64 = 2.1875;
 
 /// Flies from rest to rest along a straight line in any direction: straight up, it takes off. The body leans into
 /// its accelerations; the nose turns to another heading on the way, or stays.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FlySpec {
     /// Where to, from where it is: north, east, down.
@@ -106,7 +106,7 @@ impl Segment for Fly {
 }
 
 /// Holds its place in the air, swaying round it in circles that grow from nothing and end there.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HoverSpec {
     /// How long.

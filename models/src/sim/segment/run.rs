@@ -3,18 +3,18 @@
 use super::super::profile::{Along, Jet, Wanted, step7};
 use super::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{NonNegative, Positive, Quantity, dim};
 use core::f64::consts::TAU;
 use fusion_core::math;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Default greatest acceleration \[m/s²\].
 const ACCELERATION: f64 = 0.2;
 
 /// Stands still.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RestSpec {
     /// How long.
@@ -55,7 +55,7 @@ impl Segment for Rest {
 }
 
 /// Runs straight ahead, changing speed at its start and, where declared, at its end.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StraightSpec {
     /// Duration; this or `distance`.
@@ -125,7 +125,7 @@ impl Segment for Straight {
 
 /// Runs ahead while swinging from side to side, the nose along the path. Progress along the axis
 /// is the same as in a straight run, so the speed over ground is slightly greater.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SineSpec {
     /// Greatest distance from the axis, first to the right; negative: first to the left.

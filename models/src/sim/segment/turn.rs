@@ -3,16 +3,16 @@
 use super::super::profile::Turn as Profile;
 use super::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{Positive, Quantity, STANDARD_GRAVITY, dim};
 use core::f64::consts::PI;
 use fusion_core::math;
 use nalgebra::{Vector2, Vector3};
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Turns at the present speed on a level plane. The turn rate ramps up in the first quarter of the time and
 /// down in the last quarter. The path ends exactly at the end of the arc with `radius`.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TurnSpec {
     /// How far to turn, right positive, at most 270 degrees; two half turns make a full circle.
@@ -136,7 +136,7 @@ impl Segment for Turn {
 }
 
 /// Turns on the spot, at rest.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RotateInPlaceSpec {
     /// How far to turn, right positive; any number of turns.

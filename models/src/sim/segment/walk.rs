@@ -3,16 +3,16 @@
 use super::super::profile::{pulse, step7};
 use super::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{Dimensional, NonNegative, Positive, Quantity, dim};
 use core::f64::consts::PI;
 use fusion_core::math;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Walks, seen from a foot with an inertial unit on it: in every stride the foot first stands still on the ground, and
 /// then swings ahead, lifted, toes down and then up. Velocity and angular rate are exactly 0 while it stands.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WalkSpec {
     /// Strides of this foot: two steps of the person each.

@@ -3,15 +3,15 @@
 use super::wait::Ends;
 use super::{Goal, Seen, Task, TaskSpec};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{NonNegative, Positive, Quantity, dim};
 use fusion_core::Time;
 use fusion_core::math;
 use nalgebra::Vector2;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Runs on a heading, which alone is controlled: an error across is not corrected.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DriveSpec {
     /// The heading.

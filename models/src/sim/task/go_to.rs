@@ -2,14 +2,14 @@
 
 use super::{Goal, Seen, Task, TaskSpec};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{Axes, NonNegative, Positive, dim, range};
 use fusion_core::math;
 use nalgebra::Vector2;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Runs to a waypoint, along the straight line from where the task begins, or from `from`.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GoToSpec {
     /// The waypoint: north, east of the origin of the run.

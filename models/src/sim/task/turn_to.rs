@@ -2,14 +2,14 @@
 
 use super::{Goal, Seen, Task, TaskSpec};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{NonNegative, Positive, Quantity, dim};
 use fusion_core::Time;
 use fusion_core::geometry::so3::wrap_angle;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// Turns on the spot to a heading, the shorter way.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TurnToSpec {
     /// The heading.

@@ -2,10 +2,10 @@
 
 use super::{Goal, Seen, Task, TaskSpec};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{NonNegative, dim};
 use fusion_core::Time;
 use schemars::JsonSchema;
-use serde::Deserialize;
 
 /// How long something takes: a duration, or until a time of the run.
 #[derive(Clone, Copy, Debug)]
@@ -33,7 +33,7 @@ impl Ends {
 }
 
 /// Stands still.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WaitSpec {
     /// How long; this or `until`.

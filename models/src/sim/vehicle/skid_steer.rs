@@ -16,6 +16,7 @@ use super::super::random::{Markov, Random};
 use super::super::segment::{Junction, Motion};
 use super::{Command, Vehicle, VehicleSpec};
 use crate::block::BuildError;
+use crate::de::DeserializeSpec;
 use crate::units::{NonNegative, Positive, Quantity, dim};
 use fusion_core::math;
 use nalgebra::Vector3;
@@ -23,7 +24,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// Two tracks, one on each side, each with its own motor.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, DeserializeSpec, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SkidSteerSpec {
     /// Distance between the middles of the tracks.
