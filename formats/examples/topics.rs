@@ -7,13 +7,17 @@
 //! The file has five topics of `sensor_msgs/Imu` with equal rates, as CDR in chunks that are not packed, or packed by lz4
 //! or zstd. Rows are decoded and merged as in a run, without a filter. Times are the best of several readings, which take
 //! turns.
+//!
+//! With paths of recorded logs as arguments, it reads the topic with the most messages, and the five topics with the
+//! most messages, of each log. `--features all` reads all formats.
 
 use fusion::config::{Diagnostics, Document};
 use fusion::rows::Merged;
-use fusion::source::{OpenContext, SourceSpec};
+use fusion::source::table::{LogColumn, LogTable};
+use fusion::source::{LogFormat, OpenContext, SourceSpec};
 use std::fmt::Write as _;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 const TOPICS: usize = 5;
@@ -50,64 +54,111 @@ type Failure = Box<dyn std::error::Error>;
 
 fn main() -> Result<(), Failure> {
     fusion_formats::link();
+    let logs: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
+    if !logs.is_empty() {
+        let measured = logs.iter().map(|log| recorded(log)).collect::<Result<String, Failure>>()?;
+        return Ok(std::io::stdout().write_all(measured.as_bytes())?);
+    }
     let folder = std::env::temp_dir().join(format!("fusion-topics-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
     let measured = ["", "lz4", "zstd"].into_iter().try_fold(String::new(), |lines, packing| {
         let bytes = write(&folder.join("log.mcap"), packing)?;
-        Ok::<_, Failure>(lines + &measure(&folder, packing, bytes)?)
+        let packed = if packing.is_empty() { "not packed" } else { packing };
+        let head = format!("{TOPICS} topics of {MESSAGES} messages, {packed}\n");
+        let declared = core::array::from_fn::<_, TOPICS, _>(imu_topic);
+        Ok::<_, Failure>(lines + &head + &measure(&folder, &declared, bytes)?)
     });
     std::fs::remove_dir_all(&folder)?;
     std::io::stdout().write_all(measured?.as_bytes())?;
     Ok(())
 }
 
-fn measure(folder: &Path, packing: &str, bytes: u64) -> Result<String, Failure> {
+/// One topic and five topics of a log that was recorded.
+fn recorded(log: &Path) -> Result<String, Failure> {
+    let mut tables = LogTable::read_all(log)?;
+    tables.sort_by_key(|table| std::cmp::Reverse(table.rows()));
+    let declared = tables.iter().filter_map(declared).take(TOPICS).collect::<Vec<_>>();
+    let head = format!("{}, {} topics\n", log.display(), declared.len());
+    Ok(head + &measure(log.parent().unwrap_or(log), &declared, std::fs::metadata(log)?.len())?)
+}
+
+/// A source, and the number of its rows.
+struct Declared {
+    source: String,
+    rows: usize,
+}
+
+/// A source of the first six columns of numbers of a topic.
+fn declared(table: &LogTable) -> Option<Declared> {
+    let stamp = table.stamp.unwrap_or(0);
+    let is_number = |(k, column): &(usize, &LogColumn)| *k != stamp && column.values.iter().all(|v| v.is_finite());
+    let numbers = table.columns.iter().enumerate().filter(is_number).take(6);
+    let names = numbers.map(|(_, column)| format!("{:?}", column.name)).collect::<Vec<_>>();
+    let (format, topic) = (table.format.name, &table.topic.as_ref()?.name);
+    let path = table.path.file_name()?;
+    let stamp = &table.columns.get(stamp)?.name;
+    let source = format!(
+        "type = {format:?}\npath = {path:?}\ntopic = {topic:?}\ntime.column = {stamp:?}\n\
+         [channels]\nnumbers = {{ columns = [{}], unit = \"1\" }}\n",
+        names.join(", ")
+    );
+    let rows = table.rows();
+    (!names.is_empty() && rows > 0).then_some(Declared { source, rows })
+}
+
+/// The times to read the first source, and all sources.
+fn measure(folder: &Path, declared: &[Declared], bytes: u64) -> Result<String, Failure> {
+    let counts = [1, declared.len()];
     let mut best = [Duration::MAX; 2];
-    let mut sums = [0; 2];
+    let mut read_rows = [(0, 0); 2];
     for _ in 0..READINGS {
-        for (k, topics) in [1, TOPICS].into_iter().enumerate() {
+        for (k, count) in counts.into_iter().enumerate() {
             let started = Instant::now();
-            sums[k] = read(folder, topics)?;
+            read_rows[k] = read(folder, &declared[..count])?;
             best[k] = best[k].min(started.elapsed());
         }
     }
     let megabytes = bytes as f64 / 1e6;
-    let packed = if packing.is_empty() { "not packed" } else { packing };
-    let mut lines = format!("{TOPICS} topics of {MESSAGES} messages, {packed}, {megabytes:.0} MB\n");
-    for (k, topics) in [1, TOPICS].into_iter().enumerate() {
-        let seconds = best[k].as_secs_f64();
+    let mut lines = String::new();
+    for ((count, best), (rows, sum)) in counts.into_iter().zip(best).zip(read_rows) {
+        let seconds = best.as_secs_f64();
         let rate = megabytes / seconds;
         writeln!(
             lines,
-            "{topics} read: {:.1} ms, {rate:.0} MB/s, sum {:016x}",
-            1e3 * seconds,
-            sums[k]
+            "{count} read: {rows} rows, {:.1} ms, {rate:.0} MB/s, sum {sum:016x}",
+            1e3 * seconds
         )?;
     }
     writeln!(lines, "ratio: {:.2}", best[1].as_secs_f64() / best[0].as_secs_f64())?;
     Ok(lines)
 }
 
-/// Reads topics by one source each, and returns a sum over all bits of all rows.
-fn read(folder: &Path, topics: usize) -> Result<u64, Failure> {
+/// A source of a topic of the file of this program.
+fn imu_topic(topic: usize) -> Declared {
+    let vector = |name: &str| ["x", "y", "z"].map(|axis| format!("\"{name}.{axis}\"")).join(", ");
+    let source = format!(
+        "type = \"mcap\"\npath = \"log.mcap\"\ntopic = \"/imu{topic}\"\n[channels]\n\
+         angular_rate = {{ columns = [{}], unit = \"rad/s\" }}\n\
+         specific_force = {{ columns = [{}], unit = \"m/s^2\" }}\n",
+        vector("angular_velocity"),
+        vector("linear_acceleration"),
+    );
+    let rows = MESSAGES as usize;
+    Declared { source, rows }
+}
+
+/// Reads topics by one source each, and returns the number of rows and a sum over all their bits.
+fn read(folder: &Path, declared: &[Declared]) -> Result<(usize, u64), Failure> {
     let context = OpenContext {
         data_dir: folder.to_owned(),
         ..OpenContext::default()
     };
-    let sources = (0..topics).map(|topic| {
-        let vector = |name: &str| ["x", "y", "z"].map(|axis| format!("\"{name}.{axis}\"")).join(", ");
-        let declared = format!(
-            "type = \"mcap\"\npath = \"log.mcap\"\ntopic = \"/imu{topic}\"\n[channels]\n\
-             angular_rate = {{ columns = [{}], unit = \"rad/s\" }}\n\
-             specific_force = {{ columns = [{}], unit = \"m/s^2\" }}\n",
-            vector("angular_velocity"),
-            vector("linear_acceleration"),
-        );
-        let (document, _) = Document::parse("topics.toml", &declared);
-        let spec = document
-            .root()
-            .read_block::<dyn SourceSpec>("source", &["mcap"], &mut Diagnostics::new());
-        Ok(spec.ok_or(declared)?.open(&context)?)
+    let sources = declared.iter().map(|Declared { source, .. }| {
+        let (document, _) = Document::parse("topics.toml", source);
+        let mut problems = Diagnostics::new();
+        let types: Vec<&str> = LogFormat::all().iter().map(|format| format.name).collect();
+        let spec = document.root().read_block::<dyn SourceSpec>("source", &types, &mut problems);
+        Ok(spec.ok_or_else(|| format!("{source}\n{problems:?}"))?.open(&context)?)
     });
     let mut merged = Merged::new(sources.collect::<Result<_, Failure>>()?);
     let (mut sum, mut rows) = (0_u64, 0);
@@ -117,8 +168,8 @@ fn read(folder: &Path, topics: usize) -> Result<u64, Failure> {
         sum = bits.fold(sum, |sum, bits| sum.rotate_left(5).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ bits);
         rows += 1;
     }
-    assert_eq!(rows, topics as u64 * MESSAGES, "rows are missing");
-    Ok(sum)
+    assert_eq!(rows, declared.iter().map(|d| d.rows).sum::<usize>(), "rows are missing");
+    Ok((rows, sum))
 }
 
 /// Writes the bag, and returns its length.

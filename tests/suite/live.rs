@@ -72,6 +72,14 @@ fn accept(listener: &TcpListener) -> TcpStream {
     }
 }
 
+/// Waits until the program listens at a port, as Linux lists it: a datagram that is sent before is lost.
+fn listens(port: u16) {
+    let entry = format!(":{port:04X} ");
+    while fs::read_to_string("/proc/net/udp").is_ok_and(|listed| !listed.contains(&entry)) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
 /// Seconds of the filter in a second of the test.
 const FASTER: f64 = 10.0;
 
@@ -97,6 +105,7 @@ fn gnss(time: f64) -> String {
 fn send(ports: (u16, u16), listener: &TcpListener, from: f64, to: f64) {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let mut receiver = accept(listener);
+    listens(ports.0);
     receiver.write_all(b"t,lat,lon,h\n").unwrap();
     let begun = Instant::now();
     for k in (from * 100.0) as u32..(to * 100.0) as u32 {
@@ -404,12 +413,7 @@ fn soak(name: &str, length: Duration, cut: Duration) {
     );
     let id = child.id();
     let first = accept(&listener);
-    // A datagram that is sent before the program listens is lost.
-    for port in [ports[0], ports[2], ports[3]] {
-        while UdpSocket::bind(("127.0.0.1", port)).is_ok() {
-            std::thread::sleep(Duration::from_millis(20));
-        }
-    }
+    [ports[0], ports[2], ports[3]].into_iter().for_each(listens);
     let (begun, until) = (Instant::now(), Instant::now() + length);
     let udp = |port, rate, seed, row: fn(f64) -> String| std::thread::spawn(move || at_rest(port, rate, seed, until, begun, row));
     let senders = [
