@@ -9,7 +9,7 @@ const CRATES: [(&str, &str, &[&str]); 16] = [
     ("kernels", "fusion-kernels", &[]),
     ("derive", "fusion-derive", &[]),
     ("fusion-core", "fusion-core", &["fusion-derive", "fusion-kernels"]),
-    ("models", "fusion-models", &["fusion-core"]),
+    ("models", "fusion-models", &["fusion-core", "fusion-derive"]),
     ("fusion", "fusion", &["fusion-core", "fusion-models"]),
     ("vehicle", "fusion-vehicle", &["fusion-core", "fusion-models"]),
     ("abi", "fusion-abi", &["fusion-vehicle"]),
