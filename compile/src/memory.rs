@@ -7,7 +7,7 @@ use fusion_abi::Measurement;
 use fusion_core::Time;
 use fusion_core::runner::Event;
 use fusion_vehicle::Vehicle;
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read, Seek};
 
 /// Blocks may lie otherwise if the memory begins at another address, or ends closely behind the last block.
 const SPARE: usize = 128;
@@ -25,22 +25,25 @@ pub struct Needs {
 
 /// Assembles the filter of a design, feeds it with the rows that [`record`](crate::record()) wrote, and measures the
 /// memory that it needs. Another one continues from the checkpoint after half of the rows: its blocks have other lengths,
-/// and lie otherwise. `None` if this program has another allocator than [`fusion_abi::Meter`].
+/// and lie otherwise. The rows are read twice, one by one. `None` if this program has another allocator than
+/// [`fusion_abi::Meter`].
 ///
 /// # Errors
 /// The mistakes of the design; rows that cannot be read.
-pub fn measure(design: &Design, rows: &mut dyn Read) -> Result<Option<Needs>, Diagnostics> {
-    let mut bytes = Vec::new();
-    rows.read_to_end(&mut bytes).map_err(|e| unreadable(&e))?;
-    let whole = whole(design, &bytes)?;
-    Ok(whole.zip(continued(design, &bytes)?).map(|(whole, continued)| Needs {
+pub fn measure(design: &Design, rows: &mut (impl Read + Seek)) -> Result<Option<Needs>, Diagnostics> {
+    let Some((whole, count)) = whole(design, rows)? else {
+        return Ok(None);
+    };
+    rows.rewind().map_err(|e| unreadable(&e))?;
+    let continued = continued(design, rows, count / 2)?;
+    Ok(continued.map(|continued| Needs {
         all: whole.all.max(continued),
         ..whole
     }))
 }
 
-/// The memory of a filter that has all rows.
-fn whole(design: &Design, mut rows: &[u8]) -> Result<Option<Needs>, Diagnostics> {
+/// The memory of a filter that has all rows, and the number of rows.
+fn whole(design: &Design, rows: &mut impl Read) -> Result<Option<(Needs, usize)>, Diagnostics> {
     let Some(measurement) = Measurement::begin() else {
         return Ok(None);
     };
@@ -49,10 +52,10 @@ fn whole(design: &Design, mut rows: &[u8]) -> Result<Option<Needs>, Diagnostics>
     let mut vehicle = measurement.within(|| vehicle(plan));
     // Only the blocks of the plan are left. They are the part of the filter that is outside the arena.
     let blocks = measurement.bytes().map_or(0, |(_, outside)| outside);
-    let (mut row, mut last) = (Vec::new(), Time::MIN);
-    while let Some((stream, time)) = next(&mut rows, &widths, &mut row).map_err(|e| unreadable(&e))? {
+    let (mut row, mut last, mut count) = (Vec::new(), Time::MIN, 0);
+    while let Some((stream, time)) = next(rows, &widths, &mut row)? {
         measurement.within(|| feed(&mut vehicle, stream, time, &row))?;
-        last = time;
+        (last, count) = (time, count + 1);
     }
     let fed = measurement.bytes();
     measurement.within(|| _ = vehicle.predict(last));
@@ -61,23 +64,23 @@ fn whole(design: &Design, mut rows: &[u8]) -> Result<Option<Needs>, Diagnostics>
     let bytes = checkpoint.clone();
     drop(checkpoint);
     measurement.within(|| restore(&mut vehicle, &bytes))?;
-    let all = measurement.bytes();
-    Ok(fed.zip(all).map(|(fed, all)| Needs {
+    let needs = fed.zip(measurement.bytes()).map(|(fed, all)| Needs {
         feed: rounded(fed.0 + blocks),
         all: rounded(all.0 + blocks),
-    }))
+    });
+    Ok(needs.map(|needs| (needs, count)))
 }
 
-/// The memory of a filter that continues from the checkpoint after half of the rows, and then writes one.
-fn continued(design: &Design, mut rows: &[u8]) -> Result<Option<usize>, Diagnostics> {
+/// The memory of a filter that continues from the checkpoint after the first `half` rows, and then writes one.
+fn continued(design: &Design, rows: &mut impl Read, half: usize) -> Result<Option<usize>, Diagnostics> {
     let assembled = || plan(design, declared_streams(design)?);
     let before = assembled()?;
     let widths = widths(&before);
-    let (mut row, mut first, half) = (Vec::new(), vehicle(before), rows.len() / 2);
-    while rows.len() > half
-        && let Some((stream, time)) = next(&mut rows, &widths, &mut row).map_err(|e| unreadable(&e))?
-    {
-        feed(&mut first, stream, time, &row)?;
+    let (mut row, mut first) = (Vec::new(), vehicle(before));
+    for _ in 0..half {
+        if let Some((stream, time)) = next(rows, &widths, &mut row)? {
+            feed(&mut first, stream, time, &row)?;
+        }
     }
     let checkpoint = first.checkpoint();
     drop(first);
@@ -88,7 +91,7 @@ fn continued(design: &Design, mut rows: &[u8]) -> Result<Option<usize>, Diagnost
     let mut vehicle = measurement.within(|| vehicle(after));
     let blocks = measurement.bytes().map_or(0, |(_, outside)| outside);
     measurement.within(|| restore(&mut vehicle, &checkpoint))?;
-    while let Some((stream, time)) = next(&mut rows, &widths, &mut row).map_err(|e| unreadable(&e))? {
+    while let Some((stream, time)) = next(rows, &widths, &mut row)? {
         measurement.within(|| feed(&mut vehicle, stream, time, &row))?;
     }
     drop(measurement.within(|| vehicle.checkpoint()));
@@ -127,7 +130,11 @@ fn vehicle(plan: Plan) -> Vehicle {
 }
 
 /// The next row: its stream and stamp; `None` at the end.
-fn next(rows: &mut &[u8], widths: &[usize], row: &mut Vec<f64>) -> io::Result<Option<(usize, Time)>> {
+fn next(rows: &mut impl Read, widths: &[usize], row: &mut Vec<f64>) -> Result<Option<(usize, Time)>, Diagnostic> {
+    read(rows, widths, row).map_err(|e| unreadable(&e))
+}
+
+fn read(rows: &mut impl Read, widths: &[usize], row: &mut Vec<f64>) -> io::Result<Option<(usize, Time)>> {
     let (mut stream, mut time, mut number) = ([0; 4], [0; 8], [0; 8]);
     match rows.read_exact(&mut stream) {
         Err(e) if e.kind() == ErrorKind::UnexpectedEof => return Ok(None),

@@ -16,7 +16,7 @@ use fusion_core::checkpoint::Fnv;
 use fusion_core::covariance::Kernel;
 use fusion_core::runner::Event;
 use fusion_vehicle::Digest;
-use std::io::Write;
+use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -171,7 +171,7 @@ fn compiled_designs_have_their_solutions_in_c() {
     let design = portable(&Path::new(CONFIGS).join("ins-gps.toml")).unwrap();
     let (record, _) = recorded(&design).unwrap();
     // The programs have exactly the memory that was measured: with less, they end.
-    let needs = measure(&design, &mut record.as_slice()).unwrap().unwrap();
+    let needs = measure(&design, &mut Cursor::new(&record)).unwrap().unwrap();
     written(&design, &folder, Target::C, Some(needs)).unwrap();
     assert!(cargo("build", &folder).status().unwrap().success());
 
@@ -250,7 +250,7 @@ fn a_filter_that_holds_rows_back_needs_memory_for_them() {
     let needs = |reorder: &str| {
         let set = [reorder, "simulation.longest=20"];
         let design = portable_with(&Path::new(CONFIGS).join("ins-gps.toml"), &set).unwrap();
-        measure(&design, &mut recorded(&design).unwrap().0.as_slice()).unwrap().unwrap()
+        measure(&design, &mut Cursor::new(recorded(&design).unwrap().0)).unwrap().unwrap()
     };
     let (at_once, later) = (needs("run.reorder=0"), needs("run.reorder='1 s'"));
     assert!(later.feed > at_once.feed + 100 * 6 * 8, "{at_once:?} {later:?}");
