@@ -75,7 +75,10 @@ fn accept(listener: &TcpListener) -> TcpStream {
 /// Waits until the program listens at a port, as Linux lists it: a datagram that is sent before is lost.
 fn listens(port: u16) {
     let entry = format!(":{port:04X} ");
+    // As in `accept`.
+    let until = Instant::now() + Duration::from_secs(30);
     while fs::read_to_string("/proc/net/udp").is_ok_and(|listed| !listed.contains(&entry)) {
+        assert!(Instant::now() < until, "no program listens at port {port}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
