@@ -179,8 +179,13 @@ impl<'de> Visitor<'de> for Receiver<'_, 'de> {
 
 /// Reads by a visitor of any type.
 fn visited<'de, V: Visitor<'de>>(from: Thin<'_, 'de>, hint: Hint, visitor: V) -> Result<V::Value, Mistake> {
+    received(visitor, |receive| from.0.read(hint, receive))
+}
+
+/// Gives a visitor the value that `read`, a function without a type parameter, hands over.
+fn received<'de, V: Visitor<'de>>(visitor: V, read: impl FnOnce(Receive<'_, 'de>) -> Result<(), Mistake>) -> Result<V::Value, Mistake> {
     let (mut visitor, mut value) = (Some(visitor), None);
-    from.0.read(hint, &mut |found| {
+    read(&mut |found| {
         value = Some(found.visit(once(&mut visitor)?)?);
         Ok(())
     })?;
@@ -367,21 +372,11 @@ impl<'de> VariantAccess<'de> for Variant<'_, 'de> {
     }
 
     fn tuple_variant<V: Visitor<'de>>(self, length: usize, visitor: V) -> Result<V::Value, Mistake> {
-        let (mut visitor, mut value) = (Some(visitor), None);
-        self.0.tuple(length, &mut |found| {
-            value = Some(found.visit(once(&mut visitor)?)?);
-            Ok(())
-        })?;
-        once(&mut value)
+        received(visitor, |receive| self.0.tuple(length, receive))
     }
 
     fn struct_variant<V: Visitor<'de>>(self, fields: Names, visitor: V) -> Result<V::Value, Mistake> {
-        let (mut visitor, mut value) = (Some(visitor), None);
-        self.0.fields(fields, &mut |found| {
-            value = Some(found.visit(once(&mut visitor)?)?);
-            Ok(())
-        })?;
-        once(&mut value)
+        received(visitor, |receive| self.0.fields(fields, receive))
     }
 }
 
