@@ -1,13 +1,14 @@
 //! A velocity `vx vy vz` without a unit and without named axes: along the body, as of a Doppler log, or along the world.
 //!
 //! The velocity v of the positions decides, where the vehicle moves: along north and east (x, y) = (v_n, v_e), along east
-//! and north (x, y) = (v_e, v_n), and along the body (x, y) = (|v|, 0). The axes are those that leave the smallest
-//! part of v unexplained.
+//! and north (x, y) = (v_e, v_n), and along the body (x, y) = (|v|, 0), or a number of quarter turns from there. The axes
+//! are those that leave the smallest part of v unexplained.
 //!
 //! Not here: a frame that is turned by any other angle, and a body that moves sideways
 
 use super::log::Log;
 use super::names::is_derived;
+use super::numbers::{Integral, line};
 use super::signal::{Kind, Signal, UNNAMED};
 use super::track::Track;
 use super::words::{Words, is_called};
@@ -27,24 +28,36 @@ const NEAR: f64 = 1.0;
 enum Axes {
     NorthEast,
     EastNorth,
-    Body,
+    /// The vehicle moves along x, y, −x, −y.
+    Body(u8),
 }
 
 impl Axes {
-    const ALL: [Self; 3] = [Self::NorthEast, Self::EastNorth, Self::Body];
+    const ALL: [Self; 6] = [
+        Self::NorthEast,
+        Self::EastNorth,
+        Self::Body(0),
+        Self::Body(1),
+        Self::Body(2),
+        Self::Body(3),
+    ];
 
     /// x and y of a velocity north, east.
     fn of(self, v: [f64; 2]) -> [f64; 2] {
         match self {
             Self::NorthEast => v,
             Self::EastNorth => [v[1], v[0]],
-            Self::Body => [math::hypot(v[0], v[1]), 0.0],
+            Self::Body(quarter) => {
+                let speed = math::hypot(v[0], v[1]);
+                [[speed, 0.0], [0.0, speed], [-speed, 0.0], [0.0, -speed]][usize::from(quarter)]
+            }
         }
     }
 }
 
 /// Takes columns `vx vy vz` for a velocity in the axes that the track shows. Returns true if it is one of the world.
-pub(super) fn settle(log: &mut Log, track: &Track) -> bool {
+/// `depth` tells whether z of a body is up.
+pub(super) fn settle(log: &mut Log, track: &Track, depth: Option<&Depths>) -> bool {
     let has_velocity = [Kind::Velocity, Kind::BodyVelocity, Kind::Speed]
         .into_iter()
         .any(|kind| log.has(kind));
@@ -56,14 +69,22 @@ pub(super) fn settle(log: &mut Log, track: &Track) -> bool {
         return false;
     };
     let [x, y, z] = columns;
+    let world = |columns, said: &str| (Kind::Velocity, columns, said.to_owned());
     let (kind, columns, said) = match axes {
-        Axes::NorthEast => (Kind::Velocity, [(x, false), (y, false), (z, false)], "x, y, z as north, east, down"),
-        Axes::EastNorth => (Kind::Velocity, [(y, false), (x, false), (z, true)], "x, y, z as east, north, up"),
-        Axes::Body => (
-            Kind::BodyVelocity,
-            [(x, false), (y, false), (z, false)],
-            "x, y, z as forward, right, down: x is the speed of the positions",
-        ),
+        Axes::NorthEast => world([(x, false), (y, false), (z, false)], "x, y, z as north, east, down"),
+        Axes::EastNorth => world([(y, false), (x, false), (z, true)], "x, y, z as east, north, up"),
+        Axes::Body(quarter) => {
+            let is_up = depth.is_some_and(|depth| depth.rises_with(log.stamps(), values(z)));
+            let ([ahead, side], name) = [
+                ([(x, false), (y, is_up)], "x"),
+                ([(y, false), (x, !is_up)], "y"),
+                ([(x, true), (y, !is_up)], "-x"),
+                ([(y, true), (x, is_up)], "-y"),
+            ][usize::from(quarter)];
+            let of_z = if is_up { "; up is z, for it runs against the depth" } else { "" };
+            let said = format!("forward is {name}, the speed of the positions{of_z}");
+            (Kind::BodyVelocity, [ahead, side, (z, is_up)], said)
+        }
     };
     log.signals.push(Signal {
         of_height: "m",
@@ -77,6 +98,48 @@ pub(super) fn settle(log: &mut Log, track: &Track) -> bool {
         why: format!("by the velocity of the positions: {said}; {UNNAMED}"),
     });
     kind == Kind::Velocity
+}
+
+/// A depth over time \[m\].
+#[derive(Debug)]
+pub(super) struct Depths {
+    t: Vec<f64>,
+    values: Vec<f64>,
+}
+
+impl Depths {
+    pub(super) fn of(log: &Log) -> Option<Self> {
+        let values = log.values(Kind::Depth)?.into_iter().map(|v| v[0]).collect();
+        log.clock.is_some().then(|| Self {
+            t: log.stamps().to_vec(),
+            values,
+        })
+    }
+
+    /// Whether the depth changes against a vertical velocity.
+    fn rises_with(&self, t: &[f64], z: &[f64]) -> bool {
+        /// The depth changes by more than its noise over this time \[s\].
+        const STRIDE: f64 = 5.0;
+        /// The correlation r of n pairs is by chance below −4/√n once in thirty thousand times.
+        const CHANCE: f64 = 4.0;
+        let vertical = Integral::of(t, &z.iter().map(|z| [*z, 0.0, 0.0]).collect::<Vec<_>>());
+        let (mut from, mut pairs) = (0, Vec::new());
+        for to in 1..self.t.len() {
+            let lasted = self.t[to] - self.t[from];
+            if lasted < STRIDE {
+                continue;
+            }
+            let change = (self.values[to] - self.values[from]) / lasted;
+            if let Some(mean) = vertical
+                .mean(self.t[from], self.t[to])
+                .filter(|mean| change.is_finite() && mean[0].is_finite())
+            {
+                pairs.push((change, mean[0]));
+            }
+            from = to;
+        }
+        line(&pairs).1 * math::sqrt(pairs.len() as f64) < -CHANCE
+    }
 }
 
 /// The columns `vx vy vz` that no quantity uses.
@@ -141,6 +204,22 @@ mod tests {
             ..Track::default()
         };
         axes(&t, &xy(0), &xy(1), &track)
+    }
+
+    #[test]
+    fn z_is_up_if_it_runs_against_the_depth() {
+        let t: Vec<f64> = (0..1500).map(|k| 0.2 * f64::from(k)).collect();
+        let noise = |k: f64| 0.05 * (12.9898 * k).sin();
+        let depth = Depths {
+            values: t.iter().map(|t| 3.0 * (0.05 * t).sin() + noise(*t)).collect(),
+            t: t.clone(),
+        };
+        let z = |sign: f64| {
+            t.iter()
+                .map(|t| sign * 0.15 * (0.05 * t).cos() + noise(t + 0.1))
+                .collect::<Vec<_>>()
+        };
+        assert!(depth.rises_with(&t, &z(-1.0)) && !depth.rises_with(&t, &z(1.0)) && !depth.rises_with(&t, &z(0.0)));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! An inertial unit by its samples: its up axis, its rests, its vibration.
 
 use super::log::Log;
-use super::numbers::{Vec3, median, moments, norm, quantile};
+use super::numbers::{Vec3, median, moments, norm, quantile, resolution};
 use super::signal::Kind;
 use super::size::GRAVITY;
 use super::stance::Stances;
@@ -108,7 +108,7 @@ impl Imu {
         let rest = rest(
             &windows,
             &resting,
-            [&force, &rate].map(|v| [0, 1, 2].map(|i| step(v.iter().map(|v| v[i])))),
+            [&force, &rate].map(|v| [0, 1, 2].map(|i| resolution(v.iter().map(|v| v[i])))),
         );
         let chosen: Vec<&Window> = windows
             .iter()
@@ -209,12 +209,6 @@ fn resting(windows: &[Window]) -> Vec<bool> {
     let limit = (QUIET * force).min(SHAKEN);
     let is_quiet = |w: &Window| w.shaking().0 <= limit && w.shaking().1 <= QUIET * rate.min(WAVERING) && is_steady(w);
     windows.iter().map(|w| w.stands != Some(false) && is_quiet(w)).collect()
-}
-
-/// The smallest step between neighbouring samples: the resolution of the written numbers; NaN for a constant.
-fn step(samples: impl Iterator<Item = f64> + Clone) -> f64 {
-    let steps = samples.clone().zip(samples.skip(1)).map(|(a, b)| (b - a).abs());
-    steps.filter(|step| *step > 0.0).fold(f64::NAN, f64::min)
 }
 
 /// Deviations that are positive, so that samples can be below them. An axis that is constant at rest may still change

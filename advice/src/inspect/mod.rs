@@ -31,6 +31,7 @@ mod standing;
 mod tests;
 mod track;
 mod turn;
+mod turned;
 mod types;
 mod water;
 mod words;
@@ -49,6 +50,7 @@ pub use stance::Stances;
 pub use standing::Standing;
 use track::Odometer;
 pub use track::Track;
+pub use turned::Turned;
 pub use water::Water;
 pub(crate) use words::stated_unit;
 pub use yaw::Yaw;
@@ -79,6 +81,8 @@ pub struct Inspection {
     pub reference: Option<(usize, Track)>,
     /// The comparison of unit and positions.
     pub pair: Option<Pair>,
+    /// The direction of a velocity along the body in the unit.
+    pub turned: Option<Turned>,
     /// The recorded heading against the course, from the log that gives an attitude or a heading.
     pub yaw: Option<Yaw>,
     /// The magnetometer: its file, and its reading of the Earth's field or the reason why it is not used.
@@ -152,8 +156,11 @@ impl Inspection {
         bring_to_gps(&mut logs);
         let mut apart = logs.iter().position(has_velocity_alone);
         let (mut position, mut reference) = tracks(&logs, apart);
+        let depth = logs.iter().find_map(frame::Depths::of);
         if let Some((_, track)) = &position
-            && logs.iter_mut().fold(false, |any, log| frame::settle(log, track) | any)
+            && logs
+                .iter_mut()
+                .fold(false, |any, log| frame::settle(log, track, depth.as_ref()) | any)
         {
             apart = logs.iter().position(has_velocity_alone);
             (position, reference) = tracks(&logs, apart);
@@ -184,6 +191,15 @@ impl Inspection {
             let (force, rate) = (log.values(SpecificForce)?, log.values(AngularRate)?);
             Pair::of(log.stamps(), &force, &rate, imu.gravity, imu.up, track)
         });
+        let turned = imu.as_ref().and_then(|(k, imu)| {
+            let (unit, body) = (
+                &logs[*k],
+                logs.iter().find(|log| log.has(Kind::BodyVelocity) && log.clock.is_some())?,
+            );
+            let (force, rate) = (unit.values(SpecificForce)?, unit.values(AngularRate)?);
+            let velocity = body.values(Kind::BodyVelocity)?;
+            Turned::of((unit.stamps(), &force, &rate), imu.gravity, imu.up, (body.stamps(), &velocity))
+        });
         let water = position.as_ref().map_or_else(Vec::new, |(_, track)| {
             let of = |kind| Some((kind, Water::of(&logs.iter().find_map(|log| Odometer::of(log, kind))?, track)?));
             [Kind::Speed, Kind::BodyVelocity].into_iter().filter_map(of).collect()
@@ -195,6 +211,7 @@ impl Inspection {
             velocity,
             reference,
             pair,
+            turned,
             yaw: None,
             field: None,
             water,

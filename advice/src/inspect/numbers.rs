@@ -23,6 +23,18 @@ pub(super) fn by_half(sizes: impl IntoIterator<Item = f64>) -> f64 {
     median(sizes) / 0.674
 }
 
+/// The white scatter of samples at equal intervals, 1σ: the middle of three in a row differs from the mean of the outer
+/// two by √(3/2) of it. NaN for fewer samples.
+pub(super) fn scatter(samples: &[f64]) -> f64 {
+    by_half(samples.windows(3).map(|p| (p[1] - 0.5 * (p[0] + p[2])).abs())) / math::sqrt(1.5_f64)
+}
+
+/// The smallest step between neighbouring samples: the resolution of the written numbers; NaN for a constant.
+pub(super) fn resolution(samples: impl Iterator<Item = f64> + Clone) -> f64 {
+    let steps = samples.clone().zip(samples.skip(1)).map(|(a, b)| (b - a).abs());
+    steps.filter(|step| *step > 0.0).fold(f64::NAN, f64::min)
+}
+
 /// Length and angle of the mean of unit vectors at these angles \[rad\]: the length is 1 if all are equal.
 pub(crate) fn direction(angles: impl ExactSizeIterator<Item = f64>) -> (f64, f64) {
     let count = angles.len() as f64;

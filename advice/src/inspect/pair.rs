@@ -25,6 +25,8 @@ pub struct Pair {
     pub correlation: f64,
     /// The delay of the velocity stamps against the stamps of the unit \[s\].
     pub lag: f64,
+    /// The median speed of the compared intervals \[m/s\].
+    pub speed: f64,
     /// The delay in the first and in the last third of the log.
     pub lags: Option<(f64, f64)>,
     /// The direction of motion in the sensor's horizontal plane, as an angle from the first horizontal axis to the
@@ -113,6 +115,7 @@ impl Pair {
             slope,
             correlation,
             lag,
+            speed: median(intervals.iter().map(|i| i.speed)),
             lags: lags.flatten(),
             forward: forward(&intervals, &forces, gravity, up, lag),
             slip: slip(&intervals, &rates, down, lag, slope.signum()),

@@ -9,6 +9,7 @@ pub mod course;
 pub mod explicit;
 pub mod first_fix;
 pub mod levelling;
+pub mod levelling_in_motion;
 
 use crate::earth::LocalFrame;
 use crate::vocabulary::state;

@@ -110,6 +110,7 @@ class HealthSilentSpec(TypedDict, total=False):
 
 
 class Initialiser(TypedDict, total=False):
+    after: float | str
     attitude: Numbers
     attitude_sigma: Numbers | float | str
     declination: float | str
@@ -133,7 +134,7 @@ class Initialiser(TypedDict, total=False):
     source: str
     still: InitialiserLevellingStillSpec
     tilt_sigma: float | str
-    type: Literal['baseline', 'compass', 'course', 'explicit', 'first_fix', 'levelling']
+    type: Literal['baseline', 'compass', 'course', 'explicit', 'first_fix', 'levelling', 'levelling_in_motion']
     velocity: Numbers
     velocity_sigma: Numbers | float | str
 

@@ -2,14 +2,15 @@
 
 use super::draft::{Draft, list, number};
 use super::{WITHHELD, is_local, track_stride};
-use crate::inspect::numbers::{by_half, median};
+use crate::inspect::numbers::{by_half, median, resolution, scatter};
 use crate::inspect::signal::Kind::{
     self, AttitudeSigma, BodyVelocity, Depth, Euler, Geodetic, Heading, Local, MagneticField, PositionSigma, Pressure, Quaternion, Speed,
     Velocity, VelocitySigma,
 };
 use crate::inspect::track::{Claim, covers};
 use crate::inspect::words::{Words, contains};
-use crate::inspect::{Inspection, Log, Track};
+use crate::inspect::{Inspection, Log, Pair, Track};
+use fusion_core::geometry::so3::wrap_angle;
 use fusion_core::math;
 use toml_edit::Value;
 
@@ -157,15 +158,15 @@ impl Inspection {
         // define the time.
         let (late, sigma, why) = if let Some(late) = self.late_position().filter(|_| is_judged) {
             let why = "guessed: positions are smoothed less than velocities, and are less late";
-            (late, "50 ms", why)
+            (late, self.lag_sigma(), why)
         } else if self.is_shifted() {
             let why = "guessed: the clocks were brought together by velocities, which are late. Add what is found, with its sign, to `offset` in \
                        [source.imu]; then write `time_offset = 0` here";
-            (self.lag().unwrap_or_default(), "0.2 s", why)
+            (self.lag().unwrap_or_default(), self.lag_sigma().max(0.2), why)
         } else {
             return;
         };
-        state(draft, "time_offset", format!("{late:.2} s"), sigma);
+        state(draft, "time_offset", format!("{late:.2} s"), format!("{sigma:.2} s"));
         draft.reason("time_offset", why);
     }
 
@@ -191,7 +192,7 @@ impl Inspection {
         draft.set("type", if is_flat { "horizontal_velocity" } else { "gnss_velocity" });
         draft.set("source", self.velocity_source());
         if let Some(lag) = self.lag() {
-            state(draft, "time_offset", format!("{lag:.2} s"), "50 ms");
+            state(draft, "time_offset", format!("{lag:.2} s"), format!("{:.2} s", self.lag_sigma()));
             let why = if self.is_late_by_force() {
                 "guessed: accelerations of the track against the length of the force, alike in every third of the log"
             } else if self.drift().is_some() {
@@ -255,6 +256,15 @@ impl Inspection {
         })
     }
 
+    /// 1σ of [`Self::lag`] \[s\]. The course of an antenna that is ahead of the unit by d turns d/v earlier.
+    fn lag_sigma(&self) -> f64 {
+        /// The 1σ of an unknown lever arm \[m\], and of a lag without one \[s\].
+        const ARM: f64 = 1.0;
+        const USUAL: f64 = 0.05;
+        let speed = self.pair.filter(Pair::agrees).map_or(f64::INFINITY, |pair| pair.speed);
+        math::hypot(USUAL, ARM / speed)
+    }
+
     /// The sources of the positions, and of velocities in a separate file.
     pub(super) fn position_source(&self, draft: &mut Draft) {
         let Some((k, track)) = &self.position else { return };
@@ -295,9 +305,7 @@ impl Inspection {
         // 2533).
         let at_sea = median(pressures.iter().take(10).copied()) / math::powf(1.0 - 6.5e-3 * origin[2] / 288.15, 5.255_88);
         let changed: Vec<f64> = pressures.windows(2).filter(|w| w[0] != w[1]).map(|w| w[1]).collect();
-        // The middle of three in a row with white errors, as for positions.
-        let off = changed.windows(3).map(|p| (p[1] - 0.5 * (p[0] + p[2])).abs());
-        let scatter = by_half(off) / math::sqrt(1.5_f64);
+        let scatter = scatter(&changed);
         // Against the heights of the track: wind and speed also change the pressure, but not from row to row.
         let moved = against_heights(log.stamps(), &pressures, track);
         let sigma = if scatter.is_finite() { scatter.max(moved).max(3.0) } else { 10.0 };
@@ -397,6 +405,14 @@ impl Inspection {
                 }
                 "dvl"
             };
+            if let Some(angle) = self.left_of_log() {
+                draft.set(
+                    "mounting",
+                    list([Value::from(0), 0.into(), format!("{:.0} deg", angle.to_degrees()).into()]),
+                );
+                let why = "guessed: there the changes of this velocity agree with the forces of the unit";
+                draft.reason("mounting", why);
+            }
             let kinds = self.with_reported(draft, k, BodyVelocity);
             self.source(draft, name, k, &kinds, None);
         }
@@ -407,10 +423,37 @@ impl Inspection {
                 draft.leave_out("surface");
                 draft.set("noise.sigma", "5 cm");
                 draft.reason("noise", "guessed: pressure, and waves; depth is counted from the `origin`");
+            } else if let Some(sigma) = white_depth(&self.logs[k]).filter(|sigma| *sigma > USUAL_DEPTH) {
+                draft.set("noise.sigma", format!("{sigma:.3} m"));
+                draft.reason("noise", "guessed: neighbouring depths scatter by it");
             }
             self.source(draft, "depth", k, &[Depth], None);
         }
     }
+}
+
+impl Inspection {
+    /// The angle of x of a velocity log to the right of the declared forward axis of the unit, if it is not zero by chance
+    /// \[rad\].
+    fn left_of_log(&self) -> Option<f64> {
+        /// Normal errors are larger once in 370 times.
+        const CHANCE: f64 = 3.0;
+        let turned = self.turned?;
+        let left = wrap_angle(turned.angle - f64::from(self.quarters()) * core::f64::consts::FRAC_PI_2);
+        // The bias of the log contains what rounding leaves.
+        let is_rounded_off = left.abs() < 0.5_f64.to_radians();
+        (left.abs() > CHANCE * turned.sigma && !is_rounded_off).then_some(left)
+    }
+}
+
+/// The noise of the template, 1σ of a depth by pressure \[m\].
+const USUAL_DEPTH: f64 = 0.02;
+
+/// The white scatter of a depth, with the error of its rounding, 1σ \[m\].
+fn white_depth(log: &Log) -> Option<f64> {
+    let depths: Vec<f64> = log.values(Depth)?.into_iter().map(|v| v[0]).collect();
+    let rounding = resolution(depths.iter().copied()) / math::sqrt(12.0_f64);
+    Some(scatter(&depths).max(rounding)).filter(|sigma| sigma.is_finite())
 }
 
 /// A parameter as a state.

@@ -329,8 +329,8 @@ impl Inspection {
 
     /// The number of quarter turns from the first horizontal axis to the vehicle's forward axis, to the right.
     pub(super) fn quarters(&self) -> i32 {
-        let forward = self.pair.and_then(|p| p.ahead());
-        let angle = forward.map_or(0.0, |(angle, _)| angle);
+        let by_track = self.pair.and_then(|p| p.ahead()).map(|(angle, _)| angle);
+        let angle = by_track.or_else(|| self.turned.map(|turned| turned.angle)).unwrap_or(0.0);
         (math::round(angle / core::f64::consts::FRAC_PI_2) as i32).rem_euclid(4)
     }
 }

@@ -83,6 +83,13 @@ impl Inspection {
         let found = self.pair.and_then(|p| p.ahead());
         found.map_or_else(
             || {
+                if let Some(turned) = self.turned {
+                    return format!(
+                        "guessed: ahead is x of the velocity log, {:.0} ± {:.0} deg from the first horizontal axis: its changes agree with the forces there",
+                        turned.angle.to_degrees(),
+                        turned.sigma.to_degrees()
+                    );
+                }
                 if is_named {
                     return "by the names of the columns: forward, right, down".to_owned();
                 }
@@ -184,10 +191,10 @@ impl Inspection {
 
     /// Roll and pitch at rest.
     pub(super) fn levelling(&self, draft: &mut Draft, imu: &Imu) {
-        draft.part("level");
         // Waiting for a late rest would leave out the log before it. A foot that walks before it rests for long starts at its first stance.
         let is_late = |s: &Stances| imu.rest.as_ref().is_none_or(|r| self.local(r.first.0) > 2.0 * s.period);
         if let Some(stances) = imu.stances.as_ref().filter(|s| is_late(s)) {
+            draft.part("level");
             let why = "guessed: the first stance; no longer rest comes before the walk";
             draft.guess("duration", format!("{:.2} s", Stances::WINDOW), why);
             let why = "guessed: a foot is never quite still, and the accelerometer has a bias";
@@ -195,6 +202,7 @@ impl Inspection {
             standing(draft, stances);
             draft.reason("still", "as of the stances below");
         } else if let Some(r) = self.early_rest(imu) {
+            draft.part("level");
             let why = format!(
                 "guessed: half of the first rest, and 10 s at most; it is from {:.1} s for {:.1} s",
                 self.local(r.first.0),
@@ -216,12 +224,15 @@ impl Inspection {
             };
             draft.guess("gyro_bias_sigma", format!("{sigma:.2} deg/s"), why);
             still(draft, r, r.times, &limits(r));
-        } else if let Some(r) = &imu.rest {
-            let why = format!(
-                "guessed: in motion, because the first rest is as late as {:.1} s",
-                self.local(r.first.0)
-            );
-            draft.guess("duration", "1 s", &why);
+        } else {
+            draft.part("level in motion");
+            if let Some(r) = &imu.rest {
+                let why = format!(
+                    "guessed: in motion, because the first rest is as late as {:.1} s",
+                    self.local(r.first.0)
+                );
+                draft.reason("duration", &why);
+            }
         }
     }
 

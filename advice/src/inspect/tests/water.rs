@@ -114,3 +114,97 @@ fn a_direction_ahead_that_is_not_decided_is_not_printed() {
     );
     assert!(design.contains("not decided: nothing here tells which axis is ahead"), "{design}");
 }
+
+/// Ten minutes under water with fixes every two seconds: the unit's axes are turned to the right by `turned`, those of
+/// the velocity log are forward, left, up.
+fn diving(turned: f64) -> Inspection {
+    let speed = |t: f64| 1.0 + 0.4 * (0.11 * t).sin();
+    let heading = |t: f64| 2.0 * (0.04 * t).sin() + 0.5 * (0.19 * t).cos();
+    let depth = |t: f64| 5.0 + 3.0 * (0.05 * t).sin();
+    let slope = |of: &dyn Fn(f64) -> f64, t: f64| (of(t + 1e-4) - of(t - 1e-4)) / 2e-4;
+    let way: Vec<[f64; 2]> = (0..60_000)
+        .scan([0.0; 2], |at, k| {
+            let t = 0.01 * f64::from(k);
+            *at = [
+                at[0] + 0.01 * speed(t) * heading(t).cos(),
+                at[1] + 0.01 * speed(t) * heading(t).sin(),
+            ];
+            Some(*at)
+        })
+        .collect();
+    let at = |t: f64, i: usize| way[((t / 0.01) as usize).min(way.len() - 1)][i];
+    let fixes = table(
+        &[
+            ("t", &|t| t),
+            ("lat_deg", &|t| 45.0 + (at(t, 0) + 0.5 * noise(t, 1.0)) / 6.371e6_f64.to_radians()),
+            ("lon_deg", &|t| {
+                10.0 + (at(t, 1) + 0.5 * noise(t, 2.0)) / (6.371e6_f64.to_radians() * 45_f64.to_radians().cos())
+            }),
+            ("alt_m", &|t| noise(t, 3.0) - depth(t)),
+        ],
+        300,
+        0.5,
+    );
+    let ahead = |t: f64| slope(&speed, t) + 0.03 * noise(t, 4.0);
+    let aside = |t: f64| speed(t) * slope(&heading, t) + 0.03 * noise(t, 5.0);
+    let (sin, cos) = turned.sin_cos();
+    let mut unit = table(
+        &[
+            ("t", &|t| t),
+            ("ax", &move |t| cos * ahead(t) + sin * aside(t)),
+            ("ay", &move |t| cos * aside(t) - sin * ahead(t)),
+            ("az", &|t| -9.81 + 0.03 * noise(t, 6.0)),
+            ("wx_radps", &|t| 0.002 * noise(t, 7.0)),
+            ("wy_radps", &|t| 0.002 * noise(t, 8.0)),
+            ("wz_radps", &|t| slope(&heading, t) + 0.002 * noise(t, 9.0)),
+        ],
+        30_000,
+        50.0,
+    );
+    unit.path = "imu.csv".into();
+    let mut dvl = table(
+        &[
+            ("t", &|t| t),
+            ("vx", &|t| speed(t) + 0.01 * noise(t, 10.0)),
+            ("vy", &|t| 0.01 * noise(t, 11.0)),
+            ("vz", &|t| 0.01 * noise(t, 12.0) - slope(&depth, t)),
+        ],
+        3_000,
+        5.0,
+    );
+    dvl.path = "dvl.csv".into();
+    let mut pressure = table(&[("t", &|t| t), ("depth_m", &|t| depth(t) + 0.2 * noise(t, 13.0))], 3_000, 5.0);
+    pressure.path = "depth.csv".into();
+    Inspection::look([fixes, unit, dvl, pressure].map(Log::of).into())
+}
+
+#[test]
+fn a_velocity_log_shows_how_the_unit_is_turned_and_z_which_way_is_up() {
+    for (turned, axes, mounting) in [
+        (0.0, None, None),
+        (90.0, Some("rotation = { axes = [\"-y\", \"x\", \"z\"] }"), None),
+        (110.0, Some("rotation = { axes = [\"-y\", \"x\", \"z\"] }"), Some(-20.0)),
+    ] {
+        let looked = diving(f64::to_radians(turned));
+        let design = looked.design(Path::new("/")).unwrap();
+        assert!(
+            axes.is_none_or(|axes| design.contains(axes)) && design.contains("rotation") == axes.is_some(),
+            "{turned}: {design}"
+        );
+        assert!(
+            design.contains("body_velocity = { columns = [\"vx\", \"-vy\", \"-vz\"]"),
+            "{turned}: {design}"
+        );
+        let dvl = design.split("[sensor.dvl]").nth(1).unwrap().split("\n[").next().unwrap();
+        let found = dvl.split("mounting = [0, 0, \"").nth(1).map(|rest| rest.split(' ').next().unwrap());
+        let off = found.map_or(0.0, |found| found.parse::<f64>().unwrap()) - mounting.unwrap_or(0.0);
+        // The 1σ of the angle is 1 deg.
+        assert!(
+            found.is_some() >= mounting.is_some() && off.abs() < 4.0,
+            "{turned}: {:?} {dvl}",
+            looked.turned
+        );
+        // Uniform noise of ±0.2 m.
+        assert!(design.contains("guessed: neighbouring depths scatter by it"), "{design}");
+    }
+}
