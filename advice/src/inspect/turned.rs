@@ -66,13 +66,26 @@ struct Motion {
     gravity: Vec3,
 }
 
-/// The sums of the windows.
-#[derive(Default)]
-struct Sums {
+/// A velocity of the log with the motion of the unit up to it.
+struct Row {
+    /// Since the start of the window \[s\].
+    time: f64,
+    /// The left side.
+    force: Complex<f64>,
+    /// The columns of c, a and b.
+    columns: [Complex<f64>; 3],
+}
+
+/// Normal matrix and right side.
+struct Equations {
     normal: Matrix3<Complex<f64>>,
     right: Vector3<Complex<f64>>,
-    /// Normal matrix and right side of each window.
-    windows: Vec<(Matrix3<Complex<f64>>, Vector3<Complex<f64>>)>,
+}
+
+/// The windows, each with its equations.
+#[derive(Default)]
+struct Sums {
+    windows: Vec<Equations>,
 }
 
 impl Turned {
@@ -100,11 +113,11 @@ impl Turned {
                 .filter(|(k, _)| velocity[from + k][..2].iter().all(|v| v.is_finite()));
             let rows = rows.map(|(k, motion)| {
                 let u = Complex::new(velocity[from + k][0], velocity[from + k][1]);
-                (
-                    stamps[from + k] - stamps[from],
-                    motion.force,
-                    [motion.turn * u, motion.turns[0], motion.turns[1]],
-                )
+                Row {
+                    time: stamps[from + k] - stamps[from],
+                    force: motion.force,
+                    columns: [motion.turn * u, motion.turns[0], motion.turns[1]],
+                }
             });
             sums.add(&rows.collect::<Vec<_>>());
             from = end.max(from + 1);
@@ -170,13 +183,13 @@ impl Motion {
 }
 
 impl Sums {
-    /// A window: times, the left side, and the columns of c, a and b.
-    fn add(&mut self, rows: &[(f64, Complex<f64>, [Complex<f64>; 3])]) {
+    /// Adds a window.
+    fn add(&mut self, rows: &[Row]) {
         if rows.len() < ENOUGH {
             return;
         }
         // The part along an orthogonal base of 1, t, t² is taken off all columns.
-        let base = DMatrix::from_fn(rows.len(), 3, |k, i| math::powi(rows[k].0 / WINDOW, i as i32))
+        let base = DMatrix::from_fn(rows.len(), 3, |k, i| math::powi(rows[k].time / WINDOW, i as i32))
             .qr()
             .q();
         let rest = |column: &dyn Fn(usize) -> Complex<f64>| {
@@ -185,25 +198,25 @@ impl Sums {
             let left = |k: usize| column(k) - (0..3).map(|i| explained[i] * base[(k, i)]).sum::<Complex<f64>>();
             (0..rows.len()).map(left).collect::<Vec<_>>()
         };
-        let columns = [0, 1, 2].map(|i| rest(&|k| rows[k].2[i]));
-        let left = rest(&|k| rows[k].1);
+        let columns = [0, 1, 2].map(|i| rest(&|k| rows[k].columns[i]));
+        let left = rest(&|k| rows[k].force);
         let product = |a: &[Complex<f64>], b: &[Complex<f64>]| a.iter().zip(b).map(|(a, b)| a.conj() * b).sum::<Complex<f64>>();
         let normal = Matrix3::from_fn(|i, j| product(&columns[i], &columns[j]));
         let right = Vector3::from_fn(|i, _| product(&columns[i], &left));
-        self.normal += normal;
-        self.right += right;
-        self.windows.push((normal, right));
+        self.windows.push(Equations { normal, right });
     }
 
     fn solve(&self) -> Option<Turned> {
         if self.windows.len() < WINDOWS {
             return None;
         }
-        let inverse = self.normal.try_inverse()?;
-        let solution = inverse * self.right;
+        let normal: Matrix3<Complex<f64>> = self.windows.iter().map(|window| window.normal).sum();
+        let right: Vector3<Complex<f64>> = self.windows.iter().map(|window| window.right).sum();
+        let inverse = normal.try_inverse()?;
+        let solution = inverse * right;
         // The scatter of the windows about the common solution.
-        let scatter = self.windows.iter().fold(Matrix3::zeros(), |sum, (normal, right)| {
-            let off = right - normal * solution;
+        let scatter = self.windows.iter().fold(Matrix3::zeros(), |sum, window| {
+            let off = window.right - window.normal * solution;
             sum + off * off.adjoint()
         });
         let covariance = inverse * scatter * inverse.adjoint();
