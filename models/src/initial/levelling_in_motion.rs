@@ -4,7 +4,8 @@
 //!            averages out as far as the velocity is the same at both ends: its error is |Δv|/(g T)
 //! Tilt 1σ    σ² = `tilt_sigma`² + s²/|f|², s the 1σ of the horizontal mean forces of eighths of T, over the last T
 //! Gyro bias  unknown: b causes a tilt of b T
-//! Kept       it goes on until the filter starts, so a long wait for a heading does no harm
+//! Kept       it goes on until the filter starts, so a long wait for a heading does no harm; it begins anew after a gap
+//!            longer than T
 //! Source     complementary filter of rates and force: Mahony, Hamel, Pflimlin 2008, §IV; with a gain of 1/T
 
 use super::levelling::level;
@@ -85,14 +86,18 @@ impl Initialiser for LevellingInMotion {
     fn row(&mut self, _: usize, time: Time, row: &[f64]) {
         let (w, f) = (Vector3::new(row[0], row[1], row[2]), Vector3::new(row[3], row[4], row[5]));
         let dt = self.last.map_or(0.0, |last| time.seconds_since(last));
-        self.last = Some(time);
-        let Some(before) = self.attitude else {
+        let Some(before) = self.attitude.filter(|_| dt <= self.duration) else {
             let (roll, pitch) = level(&f);
             let q = so3::from_rpy(roll, pitch, 0.0);
-            self.attitude = Some(q);
-            self.mean = q * f;
+            (self.attitude, self.last, self.mean) = (Some(q), Some(time), q * f);
+            (self.elapsed, self.wander, self.complete, self.part) = (0.0, 0.0, 0.0, Part::default());
             return;
         };
+        // A row that is not newer covers no time.
+        if dt <= 0.0 {
+            return;
+        }
+        self.last = Some(time);
         let q = before * so3::exp(&(w * dt));
         self.add(q * f, dt);
         // The smallest turn that makes the mean force vertical.
@@ -194,11 +199,8 @@ mod tests {
     use crate::vocabulary::state;
     use fusion_core::state::{Attitude, Manifold};
 
-    /// The tilt error [rad] and its 1σ after `seconds` on waves of 6 deg with a period of 5 s, with a bias of the gyros
-    /// and a sideways acceleration.
-    fn on_waves(seconds: i32, duration: f64, bias: f64, sway: impl Fn(f64) -> f64) -> (f64, f64) {
-        let attitude = |t: f64| so3::from_rpy(0.1 * (1.257 * t + 1.0).sin(), 0.05 * (1.1 * t).sin(), 0.5 + 0.02 * t);
-        let mut own = LevellingInMotion {
+    fn level_over(duration: f64) -> LevellingInMotion {
+        LevellingInMotion {
             duration,
             after: duration,
             tilt_sigma: 0.01,
@@ -209,7 +211,14 @@ mod tests {
             part: Part::default(),
             wander: 0.0,
             complete: 0.0,
-        };
+        }
+    }
+
+    /// The tilt error [rad] and its 1σ after `seconds` on waves of 6 deg with a period of 5 s, with a bias of the gyros
+    /// and a sideways acceleration.
+    fn on_waves(seconds: i32, duration: f64, bias: f64, sway: impl Fn(f64) -> f64) -> (f64, f64) {
+        let attitude = |t: f64| so3::from_rpy(0.1 * (1.257 * t + 1.0).sin(), 0.05 * (1.1 * t).sin(), 0.5 + 0.02 * t);
+        let mut own = level_over(duration);
         let end = 100 * seconds;
         for k in 0..=end {
             let t = 0.01 * f64::from(k);
@@ -250,6 +259,20 @@ mod tests {
         // The bias turns it for the averaging time: 1 mrad/s for 5 s.
         let (tilt, _) = on_waves(300, 5.0, 1e-3, |_| 0.0);
         assert!((tilt - 5e-3).abs() < 2e-3, "{tilt}");
+    }
+
+    #[test]
+    fn a_repeated_stamp_adds_nothing_and_a_gap_begins_anew() {
+        let mut own = level_over(5.0);
+        let at_rest = [0.0, 0.0, 0.0, 0.0, 0.0, -9.8];
+        for t in [1.0, 1.0, 0.5, 2.0] {
+            own.row(0, Time::from_seconds(t), &at_rest);
+        }
+        assert!(own.elapsed == 1.0 && own.attitude.unwrap().angle() == 0.0, "{own:?}");
+        // On its right side after the gap.
+        own.row(0, Time::from_seconds(60.0), &[0.0, 0.0, 0.0, 0.0, -9.8, 0.0]);
+        let roll = own.attitude.unwrap().angle();
+        assert!(own.elapsed == 0.0 && (roll - core::f64::consts::FRAC_PI_2).abs() < 1e-12, "{own:?}");
     }
 
     #[test]

@@ -430,9 +430,7 @@ impl Inspection {
             self.source(draft, "depth", k, &[Depth], None);
         }
     }
-}
 
-impl Inspection {
     /// The angle of x of a velocity log to the right of the declared forward axis of the unit, if it is not zero by chance
     /// \[rad\].
     fn left_of_log(&self) -> Option<f64> {

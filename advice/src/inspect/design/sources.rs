@@ -330,7 +330,9 @@ impl Inspection {
     /// The number of quarter turns from the first horizontal axis to the vehicle's forward axis, to the right.
     pub(super) fn quarters(&self) -> i32 {
         let by_track = self.pair.and_then(|p| p.ahead()).map(|(angle, _)| angle);
-        let angle = by_track.or_else(|| self.turned.map(|turned| turned.angle)).unwrap_or(0.0);
+        // Names that say forward come before a velocity log, which may be turned itself.
+        let by_log = || self.turned.filter(|_| !self.is_named_unit()).map(|turned| turned.angle);
+        let angle = by_track.or_else(by_log).unwrap_or(0.0);
         (math::round(angle / core::f64::consts::FRAC_PI_2) as i32).rem_euclid(4)
     }
 }

@@ -76,22 +76,26 @@ impl Inspection {
         self.source(draft, "imu", *k, &[AngularRate, SpecificForce], None);
     }
 
+    /// Whether the names of the unit's columns say forward, right, down.
+    pub(super) fn is_named_unit(&self) -> bool {
+        let unit = self.imu.as_ref().and_then(|(k, _)| self.logs[*k].signal(SpecificForce));
+        unit.is_some_and(|s| s.is_body)
+    }
+
     /// The reason for the forward axis.
     pub(super) fn ahead(&self) -> String {
-        let unit = self.imu.as_ref().and_then(|(k, _)| self.logs[*k].signal(SpecificForce));
-        let is_named = unit.is_some_and(|s| s.is_body);
         let found = self.pair.and_then(|p| p.ahead());
         found.map_or_else(
             || {
+                if self.is_named_unit() {
+                    return "by the names of the columns: forward, right, down".to_owned();
+                }
                 if let Some(turned) = self.turned {
                     return format!(
                         "guessed: ahead is x of the velocity log, {:.0} ± {:.0} deg from the first horizontal axis: its changes agree with the forces there",
                         turned.angle.to_degrees(),
                         turned.sigma.to_degrees()
                     );
-                }
-                if is_named {
-                    return "by the names of the columns: forward, right, down".to_owned();
                 }
                 "not decided: nothing here tells which axis is ahead, the first horizontal one is taken. For another one turn \
                  `rotation` about the vertical: of [\"x\", \"y\", \"z\"] to [\"y\", \"-x\", \"z\"] or [\"-x\", \"-y\", \"z\"]"
